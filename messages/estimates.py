@@ -1,0 +1,140 @@
+"""What comes out of `Pipeline.step`. Each estimate carries its capture time, a covariance, a status and the
+calibration's id; `seq`, age, source and publishing time are added by the publishers (`Stamp`).
+"""
+
+import enum
+
+import msgspec
+
+from messages.inputs import DropCause, Load, Vec3
+
+Quaternion = tuple[float, float, float, float]
+Covariance3 = tuple[float, float, float, float, float, float]
+"""Upper triangle (00, 01, 02, 11, 12, 22) of a symmetric 3×3 matrix."""
+
+
+class Status(str, enum.Enum):
+    """Whether a number may be used. Anything but VALID comes with NaN in place of the numbers."""
+
+    INITIALISING = "initialising"
+    VALID = "valid"
+    INVALID = "invalid"
+
+
+class Reason(str, enum.Enum):
+    """Why an estimate is not valid."""
+
+    NONE = "none"
+    STARTING = "starting"  # the first second: at rest for the gyroscope's bias
+    NOT_AT_REST = "not_at_rest"  # still starting, because the wearer moves
+    NO_IMU = "no_imu"  # IMU samples stopped, or came too late for this frame
+    NO_FRAME = "no_frame"  # frames stopped
+    LOW_TEXTURE = "low_texture"  # too few pixels could be matched
+    NOT_PLANAR = "not_planar"  # no plane explains the foothold region
+    TOO_STEEP = "too_steep"  # a plane, but no ground one can step on
+    FOOTHOLD_OUT_OF_VIEW = "foothold_out_of_view"
+    OUT_OF_RANGE = "out_of_range"  # nearer or farther than the search can match
+    EYES_SWAPPED = "eyes_swapped"  # the pair only matches with left and right exchanged
+    WRONG_SIZE = "wrong_size"  # the frame's size is not the calibration's
+
+
+class Attitude(msgspec.Struct, frozen=True, kw_only=True):
+    """Orientation of the IMU at `t_sample_ns`.
+
+    `q_WB` (w, x, y, z; w ≥ 0) takes vectors from B to W; the yaw of W is arbitrary. `rotation_cov_W_rad2` is the
+    covariance of the small rotation, in W, between the estimate and the truth.
+    """
+
+    t_sample_ns: int
+    status: Status
+    reason: Reason
+    q_WB: Quaternion
+    w_WB_B_radps: Vec3
+    gyro_bias_B_radps: Vec3
+    rotation_cov_W_rad2: Covariance3
+    calibration_id: str
+
+
+class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
+    """The ground at the next foothold, in the heading frame H of the frame exposed at `t_exposure_ns`.
+
+    slope_sagittal_rad = atan ∂z/∂x (> 0: uphill ahead); slope_frontal_rad = atan ∂z/∂y (> 0: rises to the left);
+    height_m: vertical distance from the left optical centre down to the plane (the seed's z-intercept, Eq. 7).
+    `ahead_m` is where, along x of H, the measured region's centre lies. `covariance` is that of
+    (slope_sagittal_rad, slope_frontal_rad, height_m), attitude and calibration included.
+    """
+
+    t_exposure_ns: int
+    frame_seq: int
+    status: Status
+    reason: Reason
+    slope_sagittal_rad: float
+    slope_frontal_rad: float
+    height_m: float
+    covariance: Covariance3
+    ahead_m: float
+    matched_share: float
+    inlier_share: float
+    disparity_noise_px: float
+    calibration_id: str
+
+
+class Health(msgspec.Struct, frozen=True, kw_only=True):
+    """Once a second: what arrived, what was lost and by which cause, since the start."""
+
+    t_ns: int
+    imu_samples: int
+    imu_lost: int
+    imu_clipped: int
+    imu_bus_errors: int
+    imu_fifo_overflows: int
+    imu_resets: int
+    frames: int
+    frames_valid: int
+    frames_dropped: dict[DropCause, int]
+    refused: dict[Reason, int]
+    ankle_states: int
+    inbox_dropped: int
+    recorder_dropped: int
+    can_errors: int
+    zenoh_errors: int
+    load: Load
+    calibration_id: str
+
+
+Estimate = Attitude | GroundPlane | Health
+
+
+class Source(str, enum.Enum):
+    """Where the data came from. A prosthesis acts on LIVE only."""
+
+    LIVE = "live"
+    REPLAY = "replay"
+    SIMULATED = "simulated"
+
+
+class Stamp(msgspec.Struct, frozen=True, kw_only=True):
+    """What a publisher adds to an estimate; together they let a consumer refuse stale or simulated data."""
+
+    device: str
+    boot_id: str
+    source: Source
+    seq: int
+    t_publish_ns: int
+    age_s: float
+
+
+class GroundTruth(msgspec.Struct, frozen=True, kw_only=True):
+    """The rig's truth for one frame; recorded on its own topic and never read by the pipeline.
+
+    `kind` is the kind of ground at the foothold; `transition` says that the foothold region spans an edge.
+    """
+
+    t_exposure_ns: int
+    slope_sagittal_rad: float
+    slope_frontal_rad: float
+    height_m: float
+    q_WB: Quaternion
+    kind: str
+    transition: bool
+    standing: bool

@@ -1,0 +1,126 @@
+"""What goes into `Pipeline.step`: samples, frames, ticks and the daemon's own decisions.
+
+Every message is frozen and says in its field names which event its time names, in which frame a vector
+stands and in which unit. Times are integer nanoseconds of CLOCK_MONOTONIC.
+"""
+
+import enum
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+Vec3 = tuple[float, float, float]
+GreyImage = NDArray[np.uint8]
+
+
+class ImuSample(msgspec.Struct, frozen=True, kw_only=True):
+    """One sample of the IMU in nominal scale: what the chip says, before the unit's calibration.
+
+    `t_sample_ns` is the instant the sample stands for: the chip's data-ready instant minus its filter delay.
+    `lost_before` counts samples of the chip that went missing between this sample and the one before it.
+    """
+
+    seq: int
+    t_sample_ns: int
+    t_arrival_ns: int
+    sf_B_mps2: Vec3
+    w_WB_B_radps: Vec3
+    temperature_degC: float
+    clipped: bool = False
+    lost_before: int = 0
+
+
+class FrameHeader(msgspec.Struct, frozen=True, kw_only=True):
+    """All of a stereo frame but its pixels.
+
+    `t_exposure_ns` is mid-exposure of the middle row; `seq` is the camera's own sequence number.
+    """
+
+    seq: int
+    t_exposure_ns: int
+    t_arrival_ns: int
+    exposure_s: float
+    width_px: int
+    height_px: int
+
+
+class StereoFrame(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """A stereo pair that owns its pixels: `left` and `right` are (height_px, width_px) uint8, unrectified."""
+
+    header: FrameHeader
+    left: GreyImage
+    right: GreyImage
+
+
+class DropCause(str, enum.Enum):
+    """Why a frame never reached the matcher."""
+
+    SUPERSEDED = "superseded"  # a newer frame arrived before this one was taken: the newest wins
+    POOL_EXHAUSTED = "pool_exhausted"  # every pixel buffer was still held
+    CAMERA_GAP = "camera_gap"  # the camera's sequence number jumped
+    CORRUPT = "corrupt"  # error flag, short buffer or wrong size
+    LATE = "late"  # arrived after its deadline had passed
+
+
+class DroppedFrame(msgspec.Struct, frozen=True, kw_only=True):
+    """A frame that was lost, kept as its header so that a replay sees the same gap."""
+
+    header: FrameHeader
+    cause: DropCause
+
+
+class GaitPhase(str, enum.Enum):
+    """What the ankle controller says its foot is doing."""
+
+    UNKNOWN = "unknown"
+    STANCE = "stance"
+    SWING = "swing"
+
+
+class AnkleState(msgspec.Struct, frozen=True, kw_only=True):
+    """State of the prosthetic ankle as it reports it on CAN; dorsiflexion is positive."""
+
+    t_sample_ns: int
+    ankle_angle_rad: float
+    ankle_rate_radps: float
+    load_n: float
+    phase: GaitPhase
+
+
+class Tick(msgspec.Struct, frozen=True, kw_only=True):
+    """The daemon's 100 Hz timer, which makes silence of the devices visible to the pipeline."""
+
+    t_ns: int
+
+
+class Load(str, enum.Enum):
+    """How much work the pipeline may do on a frame."""
+
+    NORMAL = "normal"
+    REDUCED = "reduced"
+
+
+class LoadLevel(msgspec.Struct, frozen=True, kw_only=True):
+    """The daemon's decision to do less, or all, of the work on each frame from now on."""
+
+    t_ns: int
+    load: Load
+
+
+class DeviceCounters(msgspec.Struct, frozen=True, kw_only=True):
+    """Counters of everything outside the pipeline since the start, told once a second."""
+
+    t_ns: int
+    imu_lost: int = 0
+    imu_bus_errors: int = 0
+    imu_fifo_overflows: int = 0
+    imu_resets: int = 0
+    frames_dropped: dict[DropCause, int] = {}
+    inbox_dropped: int = 0
+    recorder_dropped: int = 0
+    can_errors: int = 0
+    zenoh_errors: int = 0
+
+
+Input = ImuSample | StereoFrame | DroppedFrame | AnkleState | Tick | LoadLevel | DeviceCounters
