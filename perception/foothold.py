@@ -1,0 +1,87 @@
+"""Where the next foot will land: a rectangle of ground in H, and what part of the image can show it."""
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.rectify import Rectifier, Window
+from perception.stereo import DisparityRange
+
+FloatArray = NDArray[np.float64]
+
+
+class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The rectangle of ground that is measured, and how far up or down it may lie.
+
+    The region is centred `ahead_m` along x of H and on the wearer's midline. Before the first plane is known the
+    camera is taken to be at `nominal_height_m`, give or take `height_margin_m`; afterwards the ground may rise or
+    fall by `step_m` from one frame to the next (a stair is 0.17 m, a high kerb 0.25 m).
+    """
+
+    ahead_m: Annotated[float, msgspec.Meta(ge=0.2, le=4.0)] = 0.7
+    half_length_m: Annotated[float, msgspec.Meta(ge=0.1, le=2.0)] = 0.3
+    half_width_m: Annotated[float, msgspec.Meta(ge=0.1, le=2.0)] = 0.3
+    nominal_height_m: Annotated[float, msgspec.Meta(ge=0.3, le=2.0)] = 0.95
+    height_margin_m: Annotated[float, msgspec.Meta(ge=0.05, le=1.0)] = 0.35
+    step_m: Annotated[float, msgspec.Meta(ge=0.05, le=0.5)] = 0.25
+
+    def footprint(self, lowest_m: float, highest_m: float, gradient: tuple[float, float]) -> FloatArray:
+        """Return (8, 3): the region's corners in H on the two planes that lie that far below the camera."""
+        x = self.ahead_m + self.half_length_m * np.array([-1.0, -1.0, 1.0, 1.0])
+        y = self.half_width_m * np.array([-1.0, 1.0, -1.0, 1.0])
+        rise = gradient[0] * x + gradient[1] * y
+        return np.array(
+            [(xi, yi, ri - h) for h in (lowest_m, highest_m) for xi, yi, ri in zip(x, y, rise, strict=True)]
+        )
+
+    def contains(self, points_H: FloatArray) -> NDArray[np.bool_]:
+        """Return, for points (..., 3) in H, which lie over the region."""
+        return (np.abs(points_H[..., 0] - self.ahead_m) < self.half_length_m) & (
+            np.abs(points_H[..., 1]) < self.half_width_m
+        )
+
+    def emphasis(self, points_H: FloatArray) -> FloatArray:
+        """Return a weight in (0, 1] for points (..., 3) in H: the middle of the region counts most.
+
+        On stairs and kerbs this makes the tread under the foot win over its neighbours.
+        """
+        along = (points_H[..., 0] - self.ahead_m) / self.half_length_m
+        across = points_H[..., 1] / self.half_width_m
+        weight: FloatArray = np.exp(-0.5 * (1.5 * along) ** 2 - 0.5 * across**2)
+        return weight
+
+
+class OutOfRangeError(Exception):
+    """The ground is nearer than the search can match."""
+
+
+def view_of(points_H: FloatArray, R_HC: FloatArray, rectifier: Rectifier) -> tuple[Window, DisparityRange] | None:
+    """Return the window and disparities that show `points_H` (N, 3), or None if their middle is not in view.
+
+    The window is cut at the image's border. Raises OutOfRangeError where more than 160 disparities would be needed.
+    """
+    points_C = np.vstack((points_H, points_H.mean(axis=0))) @ R_HC
+    depth_m = points_C[:, 2]
+    if depth_m.min() < _LEAST_DEPTH_M:
+        return None
+    u = rectifier.f_px * points_C[:, 0] / depth_m + rectifier.cx_px
+    v = rectifier.f_px * points_C[:, 1] / depth_m + rectifier.cy_px
+    if not (0 <= u[-1] < rectifier.width_px and 0 <= v[-1] < rectifier.height_px):
+        return None
+    window = Window(
+        top=max(0, int(np.floor(v.min()))),
+        bottom=min(rectifier.height_px, int(np.ceil(v.max())) + 1),
+        left=max(0, int(np.floor(u.min()))),
+        right=min(rectifier.width_px, int(np.ceil(u.max())) + 1),
+    )
+    fB_px_m = rectifier.f_px * rectifier.baseline_m
+    search = DisparityRange.covering(fB_px_m / depth_m.max(), fB_px_m / depth_m.min())
+    if search.count > _MOST_DISPARITIES:
+        raise OutOfRangeError
+    return window, search
+
+
+_LEAST_DEPTH_M = 0.1
+_MOST_DISPARITIES = 160

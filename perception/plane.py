@@ -1,0 +1,152 @@
+"""A plane through the foothold region, fitted in disparity space, where the matching noise is even.
+
+A plane z = a x + b y − h in H (a, b its gradient, h the height of the optical centre above its intercept; the
+seed's Eq. 7 with a, b negated) is seen by the ray r with the disparity
+
+    d(r) = (f B / h) (a r_x + b r_y − r_z) = r · θ,      θ = (f B / h) (a, b, −1),                            (1)
+
+linear in θ whatever the rotation of each ray, so the row times of a rolling shutter only turn the rays.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PlaneFit:
+    """z = gradient · (x, y) − height_m in the frame of the rays, with the covariance of (a, b, h).
+
+    `noise_px` is the robust standard deviation of the inliers' disparities, `inlier_share` the weighted share of
+    the matched pixels within three of them.
+    """
+
+    gradient: tuple[float, float]
+    height_m: float
+    covariance: FloatArray
+    noise_px: float
+    inlier_share: float
+
+    @property
+    def steepness_rad(self) -> float:
+        """Return the angle between the plane and the horizontal."""
+        return float(np.arctan(np.hypot(*self.gradient)))
+
+
+@dataclass(frozen=True)
+class PlaneFitter:
+    """Robust fit: consensus over sampled planes, then Tukey's biweight.
+
+    `fB_px_m` is focal length times baseline; `correlation_px` the number of neighbouring pixels that share one
+    error of the matcher, by which the covariance is widened.
+    """
+
+    fB_px_m: float
+    samples: int = 96
+    consensus_pixels: int = 600
+    tolerance_px: float = 0.35
+    least_noise_px: float = 0.04
+    steepest_rad: float = float(np.radians(40.0))
+    correlation_px: float = 40.0
+    iterations: int = 6
+
+    def fit(
+        self,
+        rays: FloatArray,
+        disparity_px: FloatArray,
+        weight: FloatArray,
+        *,
+        stride: int = 1,
+        expected: PlaneFit | None = None,
+    ) -> PlaneFit | None:
+        """Return the plane best supported by rays (N, 3) in H seen at `disparity_px` (N,), or None if none is.
+
+        `weight` (N,) ≥ 0 says how much each pixel counts; every `stride`-th row and column of the image was taken;
+        `expected` joins the candidates. Planes steeper than `steepest_rad` (risers, walls) are no candidates.
+        Deterministic: the samples come from a fixed sequence.
+        """
+        theta = self._consensus(rays, disparity_px, weight, expected)
+        return None if theta is None else self._refine(rays, disparity_px, weight, theta, stride)
+
+    def _consensus(
+        self, rays: FloatArray, disparity_px: FloatArray, weight: FloatArray, expected: PlaneFit | None
+    ) -> FloatArray | None:
+        count = len(disparity_px)
+        chance = np.random.default_rng(count)
+        triples = chance.choice(count, size=(self.samples, 3), p=weight / weight.sum())
+        triples = triples[np.abs(np.linalg.det(rays[triples])) > 1e-9]
+        if len(triples) == 0:
+            return None
+        candidates = np.linalg.solve(rays[triples], disparity_px[triples][..., None])[..., 0]
+        if expected is not None:
+            candidates = np.vstack((candidates, self.theta(expected)))
+        below = candidates[:, 2] < 0.0
+        steepness = np.hypot(candidates[:, 0], candidates[:, 1]) < np.tan(self.steepest_rad) * -candidates[:, 2]
+        candidates = candidates[below & steepness]
+        if len(candidates) == 0:
+            return None
+        some = chance.choice(count, size=min(count, self.consensus_pixels), replace=False)
+        misfit = np.abs(candidates @ rays[some].T - disparity_px[some])
+        # MSAC: the cost of a pixel grows with the square of its misfit up to the tolerance and no further
+        cost = np.minimum(misfit / self.tolerance_px, 1.0) ** 2 @ weight[some]
+        best: FloatArray = candidates[np.argmin(cost)]
+        return best
+
+    def _refine(
+        self, rays: FloatArray, disparity_px: FloatArray, weight: FloatArray, theta: FloatArray, stride: int
+    ) -> PlaneFit | None:
+        scale_px = self.tolerance_px
+        inverse = np.empty((3, 3))
+        for _ in range(self.iterations):
+            misfit = np.abs(disparity_px - rays @ theta)
+            near = misfit < 3.0 * scale_px
+            if np.count_nonzero(near) < _LEAST_PIXELS:
+                return None
+            scale_px = max(self.least_noise_px, 1.4826 * _weighted_median(misfit[near], weight[near]))
+            tukey = weight * np.clip(1.0 - (misfit / (4.685 * scale_px)) ** 2, 0.0, None) ** 2
+            weighted = rays * tukey[:, None]
+            try:
+                inverse = np.linalg.inv(rays.T @ weighted)
+            except np.linalg.LinAlgError:
+                return None
+            theta = inverse @ (weighted.T @ disparity_px)
+        if theta[2] >= 0.0:
+            return None
+        shared = max(1.0, self.correlation_px / stride**2)
+        theta_cov = scale_px**2 * shared * inverse @ (weighted.T @ weighted) @ inverse
+        inliers = np.abs(disparity_px - rays @ theta) < 3.0 * scale_px
+        to_plane = self.jacobian(theta)
+        return PlaneFit(
+            gradient=(float(-theta[0] / theta[2]), float(-theta[1] / theta[2])),
+            height_m=float(-self.fB_px_m / theta[2]),
+            covariance=to_plane @ theta_cov @ to_plane.T,
+            noise_px=float(scale_px),
+            inlier_share=float(weight[inliers].sum() / weight.sum()),
+        )
+
+    def theta(self, plane: PlaneFit) -> FloatArray:
+        """Return θ of (1) for a plane."""
+        return self.fB_px_m / plane.height_m * np.array([*plane.gradient, -1.0])
+
+    def jacobian(self, theta: FloatArray) -> FloatArray:
+        """Return ∂(a, b, h)/∂θ of (1), (3, 3)."""
+        t = theta[2]
+        return np.array(
+            [
+                [-1.0 / t, 0.0, theta[0] / t**2],
+                [0.0, -1.0 / t, theta[1] / t**2],
+                [0.0, 0.0, self.fB_px_m / t**2],
+            ]
+        )
+
+
+_LEAST_PIXELS = 30
+
+
+def _weighted_median(values: FloatArray, weight: FloatArray) -> float:
+    order = np.argsort(values)
+    cumulative = np.cumsum(weight[order])
+    return float(values[order[np.searchsorted(cumulative, 0.5 * cumulative[-1])]])

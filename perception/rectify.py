@@ -1,0 +1,137 @@
+"""From a raw stereo pair to a rectified one at the matching scale, with the ray and the row time of each pixel.
+
+Frames: L, R raw cameras; C rectified left camera (x right, y down, z forward).
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import GreyImage, Lens, StereoCalibration
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Window:
+    """A block of pixels: rows [top, bottom), columns [left, right)."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+    @property
+    def rows(self) -> slice:
+        """Return the rows as a slice."""
+        return slice(self.top, self.bottom)
+
+    @property
+    def columns(self) -> slice:
+        """Return the columns as a slice."""
+        return slice(self.left, self.right)
+
+
+class Rectifier:
+    """Rectification of one calibrated pair, reduced by a whole `divisor` before it is warped.
+
+    The reduced raw image is an area average, so its pixel (u, v) has its centre at divisor·(u + ½) − ½ of the
+    raw image. After rectification both eyes share `f_px`, `cx_px`, `cy_px`, so disparity d = f_px·baseline_m / z.
+    """
+
+    def __init__(self, stereo: StereoCalibration, divisor: int) -> None:
+        size = (stereo.left.width_px, stereo.left.height_px)
+        self.raw_size_px = size
+        self.divisor = divisor
+        self.width_px, self.height_px = size[0] // divisor, size[1] // divisor
+        K_L, K_R = _intrinsics(stereo.left), _intrinsics(stereo.right)
+        R_RL = np.array(stereo.X_RL.R)
+        p_RL_m = np.array(stereo.X_RL.p_m)
+        rectification = cv2.stereoRectify(
+            K_L,
+            np.array(stereo.left.distortion),
+            K_R,
+            np.array(stereo.right.distortion),
+            size,
+            R_RL,
+            p_RL_m.reshape(3, 1),
+            flags=cv2.CALIB_ZERO_DISPARITY,
+            alpha=0,
+        )
+        R_CL, R_CR, P_C = (np.asarray(matrix, dtype=np.float64) for matrix in rectification[:3])
+        K_C = _reduced(P_C[:, :3], divisor)
+        self.f_px = float(K_C[0, 0])
+        self.cx_px, self.cy_px = float(K_C[0, 2]), float(K_C[1, 2])
+        self.baseline_m = float(np.linalg.norm(p_RL_m))
+        self.R_LC: FloatArray = R_CL.T
+        self._left_maps = _maps(_reduced(K_L, divisor), stereo.left, R_CL, K_C, self.width_px, self.height_px)
+        self._right_maps = _maps(_reduced(K_R, divisor), stereo.right, R_CR, K_C, self.width_px, self.height_px)
+        middle_row = (size[1] - 1) / 2
+        raw_row = divisor * (self._left_maps[1] + 0.5) - 0.5
+        self.row_time_s: NDArray[np.float32] = ((raw_row - middle_row) * stereo.row_time_s).astype(np.float32)
+        """(height_px, width_px): when each rectified left pixel was exposed, relative to mid-exposure."""
+
+    def rays_C(self, window: Window) -> FloatArray:
+        """Return (rows, columns, 3): rays through the window's pixel centres with z = 1, in C."""
+        v, u = np.mgrid[window.rows, window.columns]
+        return np.stack(((u - self.cx_px) / self.f_px, (v - self.cy_px) / self.f_px, np.ones(u.shape)), axis=-1)
+
+    def rectify(self, left: GreyImage, right: GreyImage, window: Window, shift_px: int) -> tuple[GreyImage, GreyImage]:
+        """Return the window of the rectified left eye and, of the right eye, the window moved left by `shift_px`.
+
+        Columns of the right window that lie outside its image are black.
+        """
+        left_maps, right_maps = self._left_maps, self._right_maps
+        return (
+            _warp(_reduce(left, self.divisor), left_maps, window.rows, window.left, window.right),
+            _warp(
+                _reduce(right, self.divisor),
+                right_maps,
+                window.rows,
+                window.left - shift_px,
+                window.right - shift_px,
+            ),
+        )
+
+
+def _intrinsics(lens: Lens) -> FloatArray:
+    return np.array([[lens.fx_px, 0, lens.cx_px], [0, lens.fy_px, lens.cy_px], [0, 0, 1.0]])
+
+
+def _reduced(K: FloatArray, divisor: int) -> FloatArray:
+    reduced = K / divisor
+    reduced[:2, 2] = (K[:2, 2] + 0.5) / divisor - 0.5
+    reduced[2] = (0, 0, 1)
+    return reduced
+
+
+def _reduce(image: GreyImage, divisor: int) -> GreyImage:
+    if divisor == 1:
+        return image
+    height, width = image.shape
+    size = (width // divisor, height // divisor)
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
+
+
+def _maps(
+    K_raw: FloatArray, lens: Lens, R_C_raw: FloatArray, K_C: FloatArray, width_px: int, height_px: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    return cv2.initUndistortRectifyMap(  # type: ignore[return-value]
+        K_raw, np.array(lens.distortion), R_C_raw, K_C, (width_px, height_px), cv2.CV_32FC1
+    )
+
+
+def _warp(
+    image: GreyImage,
+    maps: tuple[NDArray[np.float32], NDArray[np.float32]],
+    rows: slice,
+    left: int,
+    right: int,
+) -> GreyImage:
+    width = maps[0].shape[1]
+    inside = slice(max(left, 0), min(right, width))
+    warped = cv2.remap(image, maps[0][rows, inside], maps[1][rows, inside], cv2.INTER_LINEAR)
+    before, after = inside.start - left, right - inside.stop
+    return cv2.copyMakeBorder(warped, 0, 0, before, after, cv2.BORDER_CONSTANT) if before or after else warped  # type: ignore[return-value]
