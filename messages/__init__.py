@@ -6,6 +6,8 @@ from messages.calibration import (
     Pose,
     Residual,
     StereoCalibration,
+    matrix3,
+    vec3,
 )
 from messages.estimates import (
     Attitude,
@@ -75,4 +77,6 @@ __all__ = [
     "Tick",
     "Topic",
     "Vec3",
+    "matrix3",
+    "vec3",
 ]

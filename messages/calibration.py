@@ -8,10 +8,25 @@ import hashlib
 from typing import Annotated
 
 import msgspec
+import numpy as np
+from numpy.typing import ArrayLike
 
 from messages.inputs import Vec3
 
 Matrix3 = tuple[Vec3, Vec3, Vec3]
+
+
+def vec3(values: ArrayLike) -> Vec3:
+    """Return three numbers as a message's vector; raises ValueError for any other count."""
+    x, y, z = np.asarray(values, dtype=np.float64).tolist()
+    return x, y, z
+
+
+def matrix3(values: ArrayLike) -> Matrix3:
+    """Return a (3, 3) array as a message's matrix, row by row; raises ValueError for any other shape."""
+    top, middle, bottom = np.asarray(values, dtype=np.float64)
+    return vec3(top), vec3(middle), vec3(bottom)
+
 
 PixelCount = Annotated[int, msgspec.Meta(ge=16, le=8192)]
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]

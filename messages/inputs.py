@@ -112,7 +112,6 @@ class DeviceCounters(msgspec.Struct, frozen=True, kw_only=True):
     """Counters of everything outside the pipeline since the start, told once a second."""
 
     t_ns: int
-    imu_lost: int = 0
     imu_bus_errors: int = 0
     imu_fifo_overflows: int = 0
     imu_resets: int = 0

@@ -66,10 +66,10 @@ class Rectifier:
         self.cx_px, self.cy_px = float(K_C[0, 2]), float(K_C[1, 2])
         self.baseline_m = float(np.linalg.norm(p_RL_m))
         self.R_LC: FloatArray = R_CL.T
-        self._left_maps = _maps(_reduced(K_L, divisor), stereo.left, R_CL, K_C, self.width_px, self.height_px)
-        self._right_maps = _maps(_reduced(K_R, divisor), stereo.right, R_CR, K_C, self.width_px, self.height_px)
+        self.left_maps = _maps(_reduced(K_L, divisor), stereo.left, R_CL, K_C, self.width_px, self.height_px)
+        self.right_maps = _maps(_reduced(K_R, divisor), stereo.right, R_CR, K_C, self.width_px, self.height_px)
         middle_row = (size[1] - 1) / 2
-        raw_row = divisor * (self._left_maps[1] + 0.5) - 0.5
+        raw_row = divisor * (self.left_maps[1] + 0.5) - 0.5
         self.row_time_s: NDArray[np.float32] = ((raw_row - middle_row) * stereo.row_time_s).astype(np.float32)
         """(height_px, width_px): when each rectified left pixel was exposed, relative to mid-exposure."""
 
@@ -83,16 +83,10 @@ class Rectifier:
 
         Columns of the right window that lie outside its image are black.
         """
-        left_maps, right_maps = self._left_maps, self._right_maps
+        reduced_left, reduced_right = _reduce(left, self.divisor), _reduce(right, self.divisor)
         return (
-            _warp(_reduce(left, self.divisor), left_maps, window.rows, window.left, window.right),
-            _warp(
-                _reduce(right, self.divisor),
-                right_maps,
-                window.rows,
-                window.left - shift_px,
-                window.right - shift_px,
-            ),
+            _warp(reduced_left, self.left_maps, window.rows, window.left, window.right),
+            _warp(reduced_right, self.right_maps, window.rows, window.left - shift_px, window.right - shift_px),
         )
 
 

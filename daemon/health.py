@@ -1,0 +1,85 @@
+"""What arrived, what was refused and what was lost, counted from the messages alone and told once a second."""
+
+from collections import Counter
+from collections.abc import Iterator
+
+from messages import (
+    AnkleState,
+    DeviceCounters,
+    DropCause,
+    DroppedFrame,
+    GroundPlane,
+    Health,
+    ImuSample,
+    Input,
+    Load,
+    Reason,
+    Status,
+    StereoFrame,
+)
+
+PERIOD_NS = 1_000_000_000
+
+
+class HealthMonitor:
+    """Counters since the start of the pipeline."""
+
+    def __init__(self, calibration_id: str) -> None:
+        self._calibration_id = calibration_id
+        self._imu_samples = self._imu_clipped = self._imu_lost = 0
+        self._frames = self._frames_valid = self._ankle_states = 0
+        self._superseded: Counter[DropCause] = Counter()
+        self._refused: Counter[Reason] = Counter()
+        self._devices = DeviceCounters(t_ns=0)
+        self._due_ns: int | None = None
+
+    def saw(self, message: Input) -> None:
+        """Count one input."""
+        if isinstance(message, ImuSample):
+            self._imu_samples += 1
+            self._imu_clipped += message.clipped
+            self._imu_lost += message.lost_before
+        elif isinstance(message, StereoFrame):
+            self._frames += 1
+        elif isinstance(message, DroppedFrame):
+            self._superseded[message.cause] += 1
+        elif isinstance(message, AnkleState):
+            self._ankle_states += 1
+        elif isinstance(message, DeviceCounters):
+            self._devices = message
+
+    def said(self, ground: GroundPlane) -> None:
+        """Count one ground estimate by its status or reason."""
+        if ground.status is Status.VALID:
+            self._frames_valid += 1
+        else:
+            self._refused[ground.reason] += 1
+
+    def due(self, t_ns: int, load: Load) -> Iterator[Health]:
+        """Yield the health message if a second has passed since the last one."""
+        if self._due_ns is None:
+            self._due_ns = t_ns + PERIOD_NS
+        if t_ns < self._due_ns:
+            return
+        self._due_ns += PERIOD_NS * (1 + (t_ns - self._due_ns) // PERIOD_NS)
+        devices = self._devices
+        yield Health(
+            t_ns=t_ns,
+            imu_samples=self._imu_samples,
+            imu_lost=self._imu_lost,
+            imu_clipped=self._imu_clipped,
+            imu_bus_errors=devices.imu_bus_errors,
+            imu_fifo_overflows=devices.imu_fifo_overflows,
+            imu_resets=devices.imu_resets,
+            frames=self._frames,
+            frames_valid=self._frames_valid,
+            frames_dropped=dict(Counter(devices.frames_dropped) + self._superseded),
+            refused=dict(self._refused),
+            ankle_states=self._ankle_states,
+            inbox_dropped=devices.inbox_dropped,
+            recorder_dropped=devices.recorder_dropped,
+            can_errors=devices.can_errors,
+            zenoh_errors=devices.zenoh_errors,
+            load=load,
+            calibration_id=self._calibration_id,
+        )

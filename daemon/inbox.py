@@ -1,0 +1,46 @@
+"""The one queue between the device threads and the pipeline: every input in the order of its arrival.
+
+Bounded. Of stereo frames at most one waits: a newer one takes its turn and the older becomes a `DroppedFrame`
+(superseded). Of everything else the oldest goes when the inbox is full, counted in `dropped`.
+"""
+
+import threading
+from collections import deque
+
+from messages import DropCause, DroppedFrame, Input, StereoFrame
+
+
+class Inbox:
+    """Many producers, one consumer. No call blocks longer than it takes to move one message."""
+
+    def __init__(self, capacity: int = 512) -> None:
+        self._capacity = capacity
+        self._waiting: deque[Input] = deque()
+        self._arrived = threading.Condition()
+        self.dropped = 0
+        self.frames_superseded = 0
+
+    def put(self, message: Input) -> None:
+        """Append `message`; make room by the drop rule if needed."""
+        with self._arrived:
+            if isinstance(message, StereoFrame):
+                self._supersede_waiting_frame()
+            if len(self._waiting) >= self._capacity:
+                self._waiting.popleft()
+                self.dropped += 1
+            self._waiting.append(message)
+            self._arrived.notify()
+
+    def get(self, timeout_s: float) -> Input | None:
+        """Return the oldest message, or None if none came within `timeout_s`."""
+        with self._arrived:
+            if not self._waiting:
+                self._arrived.wait(timeout_s)
+            return self._waiting.popleft() if self._waiting else None
+
+    def _supersede_waiting_frame(self) -> None:
+        for place, waiting in enumerate(self._waiting):
+            if isinstance(waiting, StereoFrame):
+                self._waiting[place] = DroppedFrame(header=waiting.header, cause=DropCause.SUPERSEDED)
+                self.frames_superseded += 1
+                return

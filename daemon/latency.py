@@ -1,0 +1,59 @@
+"""Where the time of each published plane goes: sensor, wait, compute and publish, over the newest frames."""
+
+from collections import deque
+
+import msgspec
+import numpy as np
+
+
+class FrameTimes(msgspec.Struct, frozen=True, kw_only=True):
+    """The instants of one frame on its way, CLOCK_MONOTONIC."""
+
+    t_exposure_ns: int
+    t_arrival_ns: int
+    t_taken_ns: int
+    t_computed_ns: int
+    t_published_ns: int
+
+
+class Spread(msgspec.Struct, frozen=True, kw_only=True):
+    """Median, 99th percentile and maximum in milliseconds."""
+
+    p50_ms: float
+    p99_ms: float
+    max_ms: float
+
+
+STAGES = ("sensor", "wait", "compute", "publish", "arrival_to_publish", "exposure_to_publish")
+
+
+class LatencyLog:
+    """A ring of the newest `capacity` frames (an hour at 20 Hz); older ones leave."""
+
+    def __init__(self, capacity: int = 72_000) -> None:
+        self._frames: deque[FrameTimes] = deque(maxlen=capacity)
+
+    def add(self, times: FrameTimes) -> None:
+        """Take the times of one published plane."""
+        self._frames.append(times)
+
+    def summary(self) -> dict[str, Spread]:
+        """Return the spread of each stage of `STAGES`; NaN without frames."""
+        instants = np.array([msgspec.structs.astuple(times) for times in self._frames], dtype=np.int64).reshape(-1, 5)
+        exposed, arrived, taken, computed, published = instants.T
+        stages = (
+            arrived - exposed,
+            taken - arrived,
+            computed - taken,
+            published - computed,
+            published - arrived,
+            published - exposed,
+        )
+        return {name: _spread(stage * 1e-6) for name, stage in zip(STAGES, stages, strict=True)}
+
+
+def _spread(values_ms: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Spread:
+    if len(values_ms) == 0:
+        return Spread(p50_ms=np.nan, p99_ms=np.nan, max_ms=np.nan)
+    p50, p99 = np.percentile(values_ms, (50, 99))
+    return Spread(p50_ms=float(p50), p99_ms=float(p99), max_ms=float(values_ms.max()))

@@ -1,0 +1,161 @@
+"""A stereo frame and the attitude at its mid-exposure to the published estimate of the ground ahead."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import Calibration, GroundPlane, Reason, Status, StereoFrame
+from perception.foothold import FootholdSettings
+from perception.ground import GroundMeasurement, GroundMeter
+from perception.plane import PlaneFit
+from perception.tracking import PlaneTracker, TrackingSettings
+
+FloatArray = NDArray[np.float64]
+
+
+class GroundEstimator:
+    """Measures each frame, follows the plane over time and states what the estimate is worth."""
+
+    def __init__(self, calibration: Calibration, foothold: FootholdSettings) -> None:
+        self._residual = calibration.residual
+        self._calibration_id = calibration.id
+        self._foothold = foothold
+        self._meter = GroundMeter(calibration.stereo, calibration.residual)
+        self._tracker = PlaneTracker(TrackingSettings())
+        self._swap_watch = _SwapWatch()
+        self._R_BC: FloatArray = np.array(calibration.X_BL.R) @ self._meter.rectifier.R_LC
+
+    def estimate(
+        self,
+        frame: StereoFrame,
+        R_WB: FloatArray,
+        w_WB_B_radps: FloatArray,
+        rotation_cov_W_rad2: FloatArray,
+        *,
+        reduced: bool = False,
+    ) -> GroundPlane:
+        """Return the ground in H of `frame`, given the attitude, its covariance and the rate at mid-exposure.
+
+        With `reduced` only the middle half of the region's width is matched.
+        """
+        if frame.left.shape[::-1] != self._meter.rectifier.raw_size_px:
+            return self.refused(frame, Reason.WRONG_SIZE)
+        R_WC = R_WB @ self._R_BC
+        R_WH = heading(R_WC)
+        if R_WH is None:
+            return self.refused(frame, Reason.FOOTHOLD_OUT_OF_VIEW)
+        t_ns = frame.header.t_exposure_ns
+        expected = self._tracker.predicted(t_ns, R_WH)
+        w_WC_C_radps = self._R_BC.T @ w_WB_B_radps
+        region = self._foothold.narrowed() if reduced else self._foothold
+
+        def measure(swapped: bool) -> GroundMeasurement:
+            left, right = (frame.right, frame.left) if swapped else (frame.left, frame.right)
+            return self._meter.measure(left, right, R_WH.T @ R_WC, w_WC_C_radps, region, None if swapped else expected)
+
+        measured = measure(swapped=False)
+        if measured.plane is None:
+            swapped = self._swap_watch.suspects(measured.reason) and measure(swapped=True).plane is not None
+            return self.refused(frame, self._swap_watch.verdict(measured.reason, swapped), measured.matched_share)
+        self._swap_watch.clear()
+        plane = self._tracker.updated(t_ns, measured.plane, R_WH)
+        cov = self._slope_covariance(plane, R_WH.T @ rotation_cov_W_rad2 @ R_WH, w_WB_B_radps)
+        return GroundPlane(
+            t_exposure_ns=t_ns,
+            frame_seq=frame.header.seq,
+            status=Status.VALID,
+            reason=Reason.NONE,
+            slope_sagittal_rad=float(np.arctan(plane.gradient[0])),
+            slope_frontal_rad=float(np.arctan(plane.gradient[1])),
+            height_m=plane.height_m,
+            covariance=(cov[0, 0], cov[0, 1], cov[0, 2], cov[1, 1], cov[1, 2], cov[2, 2]),
+            ahead_m=self._foothold.ahead_m,
+            matched_share=measured.matched_share,
+            inlier_share=plane.inlier_share,
+            disparity_noise_px=plane.noise_px,
+            calibration_id=self._calibration_id,
+        )
+
+    def refused(self, frame: StereoFrame, reason: Reason, matched_share: float = float("nan")) -> GroundPlane:
+        """Return the estimate that says only why `frame` gives none."""
+        return no_ground(
+            frame.header.t_exposure_ns,
+            frame.header.seq,
+            reason,
+            self._foothold.ahead_m,
+            self._calibration_id,
+            matched_share,
+        )
+
+    def _slope_covariance(self, plane: PlaneFit, rotation_cov_H: FloatArray, w_B_radps: FloatArray) -> FloatArray:
+        """Return the covariance of (slope_sagittal, slope_frontal, height), attitude and mounting included."""
+        steep = np.diag([1.0 / (1.0 + plane.gradient[0] ** 2), 1.0 / (1.0 + plane.gradient[1] ** 2), 1.0])
+        cov: FloatArray = steep @ plane.covariance @ steep
+        # a rotation δ in H turns the slopes by (−δ_y, δ_x) to first order
+        turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+        cov[:2, :2] += turn @ rotation_cov_H @ turn.T
+        residual = self._residual
+        late = float(w_B_radps @ w_B_radps) * residual.time_s**2
+        cov[:2, :2] += np.eye(2) * (residual.camera_to_imu_rad**2 + late)
+        return cov
+
+
+def no_ground(
+    t_exposure_ns: int,
+    frame_seq: int,
+    reason: Reason,
+    ahead_m: float,
+    calibration_id: str,
+    matched_share: float = float("nan"),
+) -> GroundPlane:
+    """Return an estimate without numbers: NaN, a status and the reason."""
+    nan = float("nan")
+    starting = reason in (Reason.STARTING, Reason.NOT_AT_REST)
+    return GroundPlane(
+        t_exposure_ns=t_exposure_ns,
+        frame_seq=frame_seq,
+        status=Status.INITIALISING if starting else Status.INVALID,
+        reason=reason,
+        slope_sagittal_rad=nan,
+        slope_frontal_rad=nan,
+        height_m=nan,
+        covariance=(nan,) * 6,
+        ahead_m=ahead_m,
+        matched_share=matched_share,
+        inlier_share=nan,
+        disparity_noise_px=nan,
+        calibration_id=calibration_id,
+    )
+
+
+def heading(R_WC: FloatArray) -> FloatArray | None:
+    """Return R_WH (3, 3): H's x is the horizontal projection of C's optical axis; None if that is vertical."""
+    x, y = R_WC[0, 2], R_WC[1, 2]
+    length = float(np.hypot(x, y))
+    if length < _LEAST_HORIZONTAL:
+        return None
+    c, s = x / length, y / length
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+_LEAST_HORIZONTAL = 0.05
+
+
+class _SwapWatch:
+    """Suspects exchanged eyes after a run of frames that did not match, and then tries one exchanged pair a run."""
+
+    run = 10
+
+    def __init__(self) -> None:
+        self._unmatched = 0
+        self._swapped = False
+
+    def suspects(self, reason: Reason) -> bool:
+        self._unmatched += reason in (Reason.LOW_TEXTURE, Reason.NOT_PLANAR)
+        return self._unmatched > 0 and self._unmatched % self.run == 0
+
+    def verdict(self, reason: Reason, swapped: bool) -> Reason:
+        self._swapped = self._swapped or swapped
+        return Reason.EYES_SWAPPED if self._swapped else reason
+
+    def clear(self) -> None:
+        self._unmatched, self._swapped = 0, False

@@ -1,0 +1,41 @@
+"""The inbox keeps the order of arrival, lets one frame wait and never grows."""
+
+import numpy as np
+
+from daemon.inbox import Inbox
+from messages import DropCause, DroppedFrame, FrameHeader, StereoFrame, Tick
+
+
+def frame(seq: int) -> StereoFrame:
+    header = FrameHeader(seq=seq, t_exposure_ns=seq, t_arrival_ns=seq, exposure_s=0.005, width_px=4, height_px=4)
+    return StereoFrame(header=header, left=np.zeros((4, 4), np.uint8), right=np.zeros((4, 4), np.uint8))
+
+
+def test_messages_come_out_in_the_order_they_went_in() -> None:
+    inbox = Inbox()
+    for t in range(5):
+        inbox.put(Tick(t_ns=t))
+    assert [inbox.get(0.0) for _ in range(5)] == [Tick(t_ns=t) for t in range(5)]
+    assert inbox.get(0.0) is None
+
+
+def test_a_newer_frame_supersedes_the_waiting_one_and_leaves_its_header() -> None:
+    inbox = Inbox()
+    inbox.put(frame(1))
+    inbox.put(Tick(t_ns=7))
+    newer = frame(2)
+    inbox.put(newer)
+    dropped = inbox.get(0.0)
+    assert isinstance(dropped, DroppedFrame)
+    assert (dropped.header.seq, dropped.cause) == (1, DropCause.SUPERSEDED)
+    assert inbox.get(0.0) == Tick(t_ns=7)
+    assert inbox.get(0.0) is newer
+    assert inbox.frames_superseded == 1
+
+
+def test_a_full_inbox_lets_the_oldest_go_and_counts_it() -> None:
+    inbox = Inbox(capacity=3)
+    for t in range(5):
+        inbox.put(Tick(t_ns=t))
+    assert [inbox.get(0.0) for _ in range(3)] == [Tick(t_ns=t) for t in (2, 3, 4)]
+    assert inbox.dropped == 2
