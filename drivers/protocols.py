@@ -5,10 +5,10 @@ from typing import Protocol
 
 from smbus2 import i2c_msg
 
-from messages import AnkleState, DropCause, ImuSample, StereoFrame
+from messages import AnkleState, DropCause, ImuSample, StereoFrame, UserError
 
 
-class DeviceError(Exception):
+class DeviceError(UserError):
     """A device is absent, is another one than expected, or failed beyond repair. One clear line for a person."""
 
 

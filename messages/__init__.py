@@ -9,6 +9,7 @@ from messages.calibration import (
     matrix3,
     vec3,
 )
+from messages.errors import UserError
 from messages.estimates import (
     Attitude,
     Covariance3,
@@ -76,6 +77,7 @@ __all__ = [
     "StereoFrame",
     "Tick",
     "Topic",
+    "UserError",
     "Vec3",
     "matrix3",
     "vec3",

@@ -61,6 +61,7 @@ class DropCause(str, enum.Enum):
     CAMERA_GAP = "camera_gap"  # the camera's sequence number jumped
     CORRUPT = "corrupt"  # error flag, short buffer or wrong size
     LATE = "late"  # arrived after its deadline had passed
+    NOT_RECORDED = "not_recorded"  # used live, but the recorder's queue was full: only a recording says so
 
 
 class DroppedFrame(msgspec.Struct, frozen=True, kw_only=True):

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.plane import Plane
 from perception.rectify import Rectifier, Window
 from perception.stereo import DisparityRange
 
@@ -31,14 +32,12 @@ class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
         """Return the region with half its width, for when there is no time for all of it."""
         return msgspec.structs.replace(self, half_width_m=max(0.1, 0.5 * self.half_width_m))
 
-    def footprint(self, lowest_m: float, highest_m: float, gradient: tuple[float, float]) -> FloatArray:
-        """Return (8, 3): the region's corners in H on the two planes that lie that far below the camera."""
+    def footprint(self, plane: Plane, margin_m: float) -> FloatArray:
+        """Return (8, 3): the region's corners in H on `plane`, raised and lowered by `margin_m`."""
         x = self.ahead_m + self.half_length_m * np.array([-1.0, -1.0, 1.0, 1.0])
         y = self.half_width_m * np.array([-1.0, 1.0, -1.0, 1.0])
-        rise = gradient[0] * x + gradient[1] * y
-        return np.array(
-            [(xi, yi, ri - h) for h in (lowest_m, highest_m) for xi, yi, ri in zip(x, y, rise, strict=True)]
-        )
+        z = plane.gradient[0] * x + plane.gradient[1] * y - plane.height_m
+        return np.vstack((np.stack((x, y, z - margin_m), axis=-1), np.stack((x, y, z + margin_m), axis=-1)))
 
     def contains(self, points_H: FloatArray) -> NDArray[np.bool_]:
         """Return, for points (..., 3) in H, which lie over the region."""

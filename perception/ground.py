@@ -1,14 +1,15 @@
 """One stereo frame and one attitude to the plane of ground at the foothold, or the reason why there is none."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from messages import GreyImage, Reason, Residual, StereoCalibration
 from perception.foothold import FootholdSettings, OutOfRangeError, view_of
-from perception.plane import PlaneFit, PlaneFitter
+from perception.plane import Plane, PlaneFit, PlaneFitter
 from perception.rectify import Rectifier
+from perception.relief import relief_cov
 from perception.stereo import SemiGlobalMatcher
 
 FloatArray = NDArray[np.float64]
@@ -16,11 +17,16 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GroundMeasurement:
-    """What one frame says of the ground. `plane` is in H, and None unless `reason` is NONE."""
+    """What one frame says of the ground. `fit` is in H, and None unless `reason` is NONE.
+
+    `lasting_cov` (3, 3), of (a, b, h) like the fit's own covariance, is what averaging over frames cannot reduce:
+    the calibration's residual, and what the region holds besides the plane.
+    """
 
     reason: Reason
-    plane: PlaneFit | None
     matched_share: float
+    fit: PlaneFit | None = None
+    lasting_cov: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 class GroundMeter:
@@ -28,7 +34,7 @@ class GroundMeter:
 
     matching_width_px = 640
     least_matched_share = 0.30
-    least_inlier_share = 0.40
+    least_inlier_share = 0.30
     most_pixels = 5000
 
     def __init__(self, stereo: StereoCalibration, residual: Residual) -> None:
@@ -44,25 +50,24 @@ class GroundMeter:
         R_HC: FloatArray,
         w_HC_C_radps: FloatArray,
         region: FootholdSettings,
-        expected: PlaneFit | None,
+        expected: Plane | None,
     ) -> GroundMeasurement:
         """Return the plane in H of the raw pair `left`, `right`, (height, width) uint8 of the calibrated size.
 
         `R_HC` holds at mid-exposure of the middle row; `w_HC_C_radps` turns the other rows of a rolling shutter.
         `expected` is the plane as predicted from earlier frames.
         """
-        height_m, margin_m, gradient = region.nominal_height_m, region.height_margin_m, (0.0, 0.0)
-        if expected is not None:
-            height_m, margin_m, gradient = expected.height_m, region.step_m, expected.gradient
+        foreseen = expected or Plane((0.0, 0.0), region.nominal_height_m)
+        margin_m = region.height_margin_m if expected is None else region.step_m
         try:
-            view = view_of(region.footprint(height_m - margin_m, height_m + margin_m, gradient), R_HC, self.rectifier)
+            view = view_of(region.footprint(foreseen, margin_m), R_HC, self.rectifier)
         except OutOfRangeError:
-            return GroundMeasurement(Reason.OUT_OF_RANGE, None, 0.0)
+            return GroundMeasurement(Reason.OUT_OF_RANGE, 0.0)
         if view is None:
-            return GroundMeasurement(Reason.FOOTHOLD_OUT_OF_VIEW, None, 0.0)
+            return GroundMeasurement(Reason.FOOTHOLD_OUT_OF_VIEW, 0.0)
         window, search = view
 
-        disparity_px = self._matcher.match(left, right, window, search)
+        disparity_px = self._matcher.match(left, right, window, search).astype(np.float64)
         stride = max(1, round(np.sqrt(disparity_px.size / self.most_pixels)))
         disparity_px = disparity_px[::stride, ::stride]
         row_time_s = self.rectifier.row_time_s[window.rows, window.columns][::stride, ::stride, None]
@@ -70,33 +75,31 @@ class GroundMeter:
         # R_HC(t + τ) r ≈ R_HC (r + τ ω × r)
         rays_H = (rays_C + row_time_s * np.cross(w_HC_C_radps, rays_C)) @ R_HC.T
 
-        points_H = rays_H * (self._fitter.fB_px_m / disparity_px)[..., None]
-        inside = region.contains(points_H)
-        # (1) with the expected plane: the disparity each ray would see, hence where it would meet the ground
-        foreseen_px = rays_H @ (self._fitter.fB_px_m / height_m * np.array([*gradient, -1.0]))
-        foreseen = region.contains(rays_H * (self._fitter.fB_px_m / np.maximum(foreseen_px, 1e-6))[..., None])
-        matched_share = float(np.isfinite(disparity_px[foreseen]).mean()) if foreseen.any() else 0.0
+        fB_px_m = self._fitter.fB_px_m
+        foreseen_px = np.maximum(rays_H @ foreseen.theta(fB_px_m), _LEAST_DISPARITY_PX)
+        on_foreseen = region.contains(rays_H * (fB_px_m / foreseen_px)[..., None])
+        matched_share = float(np.isfinite(disparity_px[on_foreseen]).mean()) if on_foreseen.any() else 0.0
+        points_H = rays_H * (fB_px_m / disparity_px)[..., None]
+        inside = region.contains(points_H) & (np.abs(foreseen.rise_m(points_H)) < margin_m)
         if matched_share < self.least_matched_share or np.count_nonzero(inside) < _LEAST_PIXELS:
-            return GroundMeasurement(Reason.LOW_TEXTURE, None, matched_share)
+            return GroundMeasurement(Reason.LOW_TEXTURE, matched_share)
 
-        plane = self._fitter.fit(
-            rays_H[inside],
-            disparity_px[inside].astype(np.float64),
-            region.emphasis(points_H[inside]),
-            stride=stride,
-            expected=expected,
-        )
-        if plane is None or plane.inlier_share < self.least_inlier_share:
-            return GroundMeasurement(Reason.NOT_PLANAR, None, matched_share)
-        if plane.steepness_rad > self._fitter.steepest_rad:
-            return GroundMeasurement(Reason.TOO_STEEP, None, matched_share)
-        return GroundMeasurement(Reason.NONE, self._with_residual(plane, R_HC), matched_share)
+        rays_H, disparity_px, points_H = rays_H[inside], disparity_px[inside], points_H[inside]
+        fit = self._fitter.fit(rays_H, disparity_px, region.emphasis(points_H), stride=stride, expected=expected)
+        if fit is None or fit.inlier_share < self.least_inlier_share:
+            return GroundMeasurement(Reason.NOT_PLANAR, matched_share)
+        if fit.plane.steepness_rad > self._fitter.steepest_rad:
+            return GroundMeasurement(Reason.TOO_STEEP, matched_share)
+        misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
+        lasting = relief_cov(fit, points_H, misfit_px, region) + self._residual_cov(fit.plane, R_HC)
+        return GroundMeasurement(Reason.NONE, matched_share, fit, lasting)
 
-    def _with_residual(self, plane: PlaneFit, R_HC: FloatArray) -> PlaneFit:
-        """Widen the covariance by a toe-in ε: a disparity offset f ε, which moves θ of (1) along the optical axis."""
+    def _residual_cov(self, plane: Plane, R_HC: FloatArray) -> FloatArray:
+        """Return the covariance of (a, b, h) by a toe-in ε: an offset f ε of d, which moves θ of (1) along C's z."""
         offset_px = self.rectifier.f_px * self._residual.toe_in_rad
-        moved = self._fitter.jacobian(self._fitter.theta(plane)) @ (offset_px * R_HC[:, 2])
-        return replace(plane, covariance=plane.covariance + np.outer(moved, moved))
+        moved = self._fitter.jacobian(plane.theta(self._fitter.fB_px_m)) @ (offset_px * R_HC[:, 2])
+        return np.outer(moved, moved)
 
 
 _LEAST_PIXELS = 100
+_LEAST_DISPARITY_PX = 1e-6

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from messages import Calibration, GroundPlane, Reason, Status, StereoFrame
 from perception.foothold import FootholdSettings
 from perception.ground import GroundMeasurement, GroundMeter
-from perception.plane import PlaneFit
+from perception.plane import Plane
 from perception.tracking import PlaneTracker, TrackingSettings
 
 FloatArray = NDArray[np.float64]
@@ -53,12 +53,13 @@ class GroundEstimator:
             return self._meter.measure(left, right, R_WH.T @ R_WC, w_WC_C_radps, region, None if swapped else expected)
 
         measured = measure(swapped=False)
-        if measured.plane is None:
-            swapped = self._swap_watch.suspects(measured.reason) and measure(swapped=True).plane is not None
+        if measured.fit is None:
+            swapped = self._swap_watch.suspects(measured.reason) and measure(swapped=True).fit is not None
             return self.refused(frame, self._swap_watch.verdict(measured.reason, swapped), measured.matched_share)
         self._swap_watch.clear()
-        plane = self._tracker.updated(t_ns, measured.plane, R_WH)
-        cov = self._slope_covariance(plane, R_WH.T @ rotation_cov_W_rad2 @ R_WH, w_WB_B_radps)
+        plane, plane_cov = self._tracker.updated(t_ns, measured.fit, R_WH)
+        cov = _slope_cov(plane, plane_cov + measured.lasting_cov)
+        cov[:2, :2] += self._attitude_cov(R_WH.T @ rotation_cov_W_rad2 @ R_WH, w_WB_B_radps)
         return GroundPlane(
             t_exposure_ns=t_ns,
             frame_seq=frame.header.seq,
@@ -70,8 +71,8 @@ class GroundEstimator:
             covariance=(cov[0, 0], cov[0, 1], cov[0, 2], cov[1, 1], cov[1, 2], cov[2, 2]),
             ahead_m=self._foothold.ahead_m,
             matched_share=measured.matched_share,
-            inlier_share=plane.inlier_share,
-            disparity_noise_px=plane.noise_px,
+            inlier_share=measured.fit.inlier_share,
+            disparity_noise_px=measured.fit.noise_px,
             calibration_id=self._calibration_id,
         )
 
@@ -86,17 +87,20 @@ class GroundEstimator:
             matched_share,
         )
 
-    def _slope_covariance(self, plane: PlaneFit, rotation_cov_H: FloatArray, w_B_radps: FloatArray) -> FloatArray:
-        """Return the covariance of (slope_sagittal, slope_frontal, height), attitude and mounting included."""
-        steep = np.diag([1.0 / (1.0 + plane.gradient[0] ** 2), 1.0 / (1.0 + plane.gradient[1] ** 2), 1.0])
-        cov: FloatArray = steep @ plane.covariance @ steep
+    def _attitude_cov(self, rotation_cov_H_rad2: FloatArray, w_B_radps: FloatArray) -> FloatArray:
+        """Return the covariance (2, 2) that attitude, mounting and frame time add to the slopes."""
         # a rotation δ in H turns the slopes by (−δ_y, δ_x) to first order
         turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
-        cov[:2, :2] += turn @ rotation_cov_H @ turn.T
-        residual = self._residual
-        late = float(w_B_radps @ w_B_radps) * residual.time_s**2
-        cov[:2, :2] += np.eye(2) * (residual.camera_to_imu_rad**2 + late)
-        return cov
+        turned: FloatArray = turn @ rotation_cov_H_rad2 @ turn.T
+        late_rad2 = float(w_B_radps @ w_B_radps) * self._residual.time_s**2
+        return turned + np.eye(2) * (self._residual.camera_to_imu_rad**2 + late_rad2)
+
+
+def _slope_cov(plane: Plane, cov_abh: FloatArray) -> FloatArray:
+    """Return the covariance (3, 3) of (slope_sagittal, slope_frontal, height) from that of (a, b, h)."""
+    slope_per_gradient = np.diag([1.0 / (1.0 + plane.gradient[0] ** 2), 1.0 / (1.0 + plane.gradient[1] ** 2), 1.0])
+    cov: FloatArray = slope_per_gradient @ cov_abh @ slope_per_gradient
+    return cov
 
 
 def no_ground(

@@ -17,23 +17,44 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class PlaneFit:
-    """z = gradient · (x, y) − height_m in the frame of the rays, with the covariance of (a, b, h).
-
-    `noise_px` is the robust standard deviation of the inliers' disparities, `inlier_share` the weighted share of
-    the matched pixels within three of them.
-    """
+class Plane:
+    """z = gradient · (x, y) − height_m in a gravity-aligned frame whose origin is the left optical centre."""
 
     gradient: tuple[float, float]
     height_m: float
-    covariance: FloatArray
-    noise_px: float
-    inlier_share: float
+
+    @property
+    def abh(self) -> FloatArray:
+        """Return (a, b, h)."""
+        return np.array([*self.gradient, self.height_m])
 
     @property
     def steepness_rad(self) -> float:
         """Return the angle between the plane and the horizontal."""
         return float(np.arctan(np.hypot(*self.gradient)))
+
+    def rise_m(self, points: FloatArray) -> FloatArray:
+        """Return how far points (..., 3) lie above the plane, vertically."""
+        rise: FloatArray = points[..., 2] - points[..., :2] @ np.array(self.gradient) + self.height_m
+        return rise
+
+    def theta(self, fB_px_m: float) -> FloatArray:
+        """Return θ of (1)."""
+        return fB_px_m / self.height_m * np.array([*self.gradient, -1.0])
+
+
+@dataclass(frozen=True)
+class PlaneFit:
+    """A fitted plane with the covariance (3, 3) of its (a, b, h).
+
+    `noise_px` is the robust standard deviation of the inliers' disparities, `inlier_share` the weighted share of
+    the matched pixels within three of them.
+    """
+
+    plane: Plane
+    covariance: FloatArray
+    noise_px: float
+    inlier_share: float
 
 
 @dataclass(frozen=True)
@@ -50,7 +71,7 @@ class PlaneFitter:
     tolerance_px: float = 0.35
     least_noise_px: float = 0.04
     steepest_rad: float = float(np.radians(40.0))
-    correlation_px: float = 40.0
+    correlation_px: float = 180.0
     iterations: int = 6
 
     def fit(
@@ -60,7 +81,7 @@ class PlaneFitter:
         weight: FloatArray,
         *,
         stride: int = 1,
-        expected: PlaneFit | None = None,
+        expected: Plane | None = None,
     ) -> PlaneFit | None:
         """Return the plane best supported by rays (N, 3) in H seen at `disparity_px` (N,), or None if none is.
 
@@ -72,7 +93,7 @@ class PlaneFitter:
         return None if theta is None else self._refine(rays, disparity_px, weight, theta, stride)
 
     def _consensus(
-        self, rays: FloatArray, disparity_px: FloatArray, weight: FloatArray, expected: PlaneFit | None
+        self, rays: FloatArray, disparity_px: FloatArray, weight: FloatArray, expected: Plane | None
     ) -> FloatArray | None:
         count = len(disparity_px)
         chance = np.random.default_rng(count)
@@ -82,7 +103,7 @@ class PlaneFitter:
             return None
         candidates = np.linalg.solve(rays[triples], disparity_px[triples][..., None])[..., 0]
         if expected is not None:
-            candidates = np.vstack((candidates, self.theta(expected)))
+            candidates = np.vstack((candidates, expected.theta(self.fB_px_m)))
         below = candidates[:, 2] < 0.0
         steepness = np.hypot(candidates[:, 0], candidates[:, 1]) < np.tan(self.steepest_rad) * -candidates[:, 2]
         candidates = candidates[below & steepness]
@@ -120,16 +141,14 @@ class PlaneFitter:
         inliers = np.abs(disparity_px - rays @ theta) < 3.0 * scale_px
         to_plane = self.jacobian(theta)
         return PlaneFit(
-            gradient=(float(-theta[0] / theta[2]), float(-theta[1] / theta[2])),
-            height_m=float(-self.fB_px_m / theta[2]),
+            plane=Plane(
+                gradient=(float(-theta[0] / theta[2]), float(-theta[1] / theta[2])),
+                height_m=float(-self.fB_px_m / theta[2]),
+            ),
             covariance=to_plane @ theta_cov @ to_plane.T,
             noise_px=float(scale_px),
             inlier_share=float(weight[inliers].sum() / weight.sum()),
         )
-
-    def theta(self, plane: PlaneFit) -> FloatArray:
-        """Return θ of (1) for a plane."""
-        return self.fB_px_m / plane.height_m * np.array([*plane.gradient, -1.0])
 
     def jacobian(self, theta: FloatArray) -> FloatArray:
         """Return ∂(a, b, h)/∂θ of (1), (3, 3)."""

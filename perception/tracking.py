@@ -5,12 +5,12 @@ process noise averages the frames; the height follows the hip and is re-measured
 contradicts the track (an edge: kerb, stair, foot of a ramp) starts a new one.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.plane import PlaneFit
+from perception.plane import Plane, PlaneFit
 
 FloatArray = NDArray[np.float64]
 
@@ -35,21 +35,19 @@ class PlaneTracker:
         self._cov: FloatArray = np.zeros((3, 3))
         self._t_ns = 0
 
-    def predicted(self, t_ns: int, R_WH: FloatArray) -> PlaneFit | None:
+    def predicted(self, t_ns: int, R_WH: FloatArray) -> Plane | None:
         """Return the plane in H as expected at `t_ns`, or None without a track younger than `longest_gap_s`."""
         if self._state is None or (t_ns - self._t_ns) * 1e-9 > self._settings.longest_gap_s:
             return None
-        turn = _turn(R_WH)
-        state, cov = turn.T @ self._state, turn.T @ self._grown(t_ns) @ turn
-        return PlaneFit((float(state[0]), float(state[1])), float(state[2]), cov, np.nan, np.nan)
+        return _plane(_turn(R_WH).T @ self._state)
 
-    def updated(self, t_ns: int, measured: PlaneFit, R_WH: FloatArray) -> PlaneFit:
-        """Take one frame's plane in H and return the plane in H that the track now holds."""
+    def updated(self, t_ns: int, fit: PlaneFit, R_WH: FloatArray) -> tuple[Plane, FloatArray]:
+        """Take one frame's plane in H; return the plane in H that the track now holds and its covariance (a, b, h)."""
         turn = _turn(R_WH)
-        seen = turn @ np.array([*measured.gradient, measured.height_m])
+        seen = turn @ fit.plane.abh
         jitter = self._settings.attitude_jitter_rad**2
-        seen_cov = turn @ measured.covariance @ turn.T + np.diag([jitter, jitter, 0.0])
-        if self.predicted(t_ns, R_WH) is None or self._state is None:
+        seen_cov = turn @ fit.covariance @ turn.T + np.diag([jitter, jitter, 0.0])
+        if self._state is None or self.predicted(t_ns, R_WH) is None:
             self._state, self._cov = seen, seen_cov
         else:
             prior = self._grown(t_ns)
@@ -61,14 +59,17 @@ class PlaneTracker:
                 self._state = self._state + gain @ innovation
                 self._cov = (np.eye(3) - gain) @ prior
         self._t_ns = t_ns
-        state, cov = turn.T @ self._state, turn.T @ self._cov @ turn
-        return replace(measured, gradient=(float(state[0]), float(state[1])), height_m=float(state[2]), covariance=cov)
+        return _plane(turn.T @ self._state), turn.T @ self._cov @ turn
 
     def _grown(self, t_ns: int) -> FloatArray:
         dt_s = max(0.0, (t_ns - self._t_ns) * 1e-9)
         s = self._settings
         rates = np.array([s.gradient_per_sqrt_s, s.gradient_per_sqrt_s, s.height_m_per_sqrt_s])
         return self._cov + np.diag(rates**2 * dt_s)
+
+
+def _plane(abh: FloatArray) -> Plane:
+    return Plane((float(abh[0]), float(abh[1])), float(abh[2]))
 
 
 def _turn(R_WH: FloatArray) -> FloatArray:

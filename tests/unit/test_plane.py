@@ -9,28 +9,27 @@ from numpy.typing import NDArray
 from perception.plane import PlaneFit, PlaneFitter
 
 FB = 42.0
+FloatArray = NDArray[np.float64]
 
 
-def rays_of_a_pitched_camera(step: int = 3) -> NDArray[np.float64]:
+def rays_of_a_pitched_camera(step: int = 3) -> FloatArray:
     v, u = np.mgrid[0:120:step, 0:150:step]
     rays_C = np.stack(((u - 75) / 350, (v - 40) / 350, np.ones(u.shape)), axis=-1).reshape(-1, 3)
     s = np.sqrt(0.5)
     R_HC = np.array([[0, -s, s], [-1, 0, 0], [0, -s, -s]])
-    rays_H: NDArray[np.float64] = rays_C @ R_HC.T
+    rays_H: FloatArray = rays_C @ R_HC.T
     return rays_H
 
 
-def disparity_of(rays: NDArray[np.float64], a: float, b: float, h: float) -> NDArray[np.float64]:
-    disparity: NDArray[np.float64] = FB / h * (rays @ np.array([a, b, -1.0]))
+def disparity_of(rays: FloatArray, a: float, b: float, h: float) -> FloatArray:
+    disparity: FloatArray = FB / h * (rays @ np.array([a, b, -1.0]))
     return disparity
 
 
-def fit(
-    rays: NDArray[np.float64], disparity: NDArray[np.float64], weight: NDArray[np.float64] | None = None
-) -> PlaneFit:
-    plane = PlaneFitter(fB_px_m=FB).fit(rays, disparity, np.ones(len(rays)) if weight is None else weight)
-    assert plane is not None
-    return plane
+def fit(rays: FloatArray, disparity: FloatArray, weight: FloatArray | None = None) -> PlaneFit:
+    found = PlaneFitter(fB_px_m=FB).fit(rays, disparity, np.ones(len(rays)) if weight is None else weight)
+    assert found is not None
+    return found
 
 
 @settings(max_examples=40, deadline=None)
@@ -41,10 +40,10 @@ def fit(
 )
 def test_a_plane_without_noise_is_recovered_exactly(a: float, b: float, h: float) -> None:
     rays = rays_of_a_pitched_camera()
-    plane = fit(rays, disparity_of(rays, a, b, h))
-    assert plane.gradient == pytest.approx((a, b), abs=1e-9)
-    assert plane.height_m == pytest.approx(h, abs=1e-9)
-    assert plane.inlier_share == pytest.approx(1.0)
+    found = fit(rays, disparity_of(rays, a, b, h))
+    assert found.plane.gradient == pytest.approx((a, b), abs=1e-9)
+    assert found.plane.height_m == pytest.approx(h, abs=1e-9)
+    assert found.inlier_share == pytest.approx(1.0)
 
 
 def test_gross_outliers_do_not_move_the_plane() -> None:
@@ -53,10 +52,10 @@ def test_gross_outliers_do_not_move_the_plane() -> None:
     disparity = disparity_of(rays, 0.05, -0.02, 0.95) + rng.normal(0, 0.1, len(rays))
     wrong = rng.random(len(rays)) < 0.4
     disparity[wrong] += rng.uniform(3, 12, wrong.sum())
-    plane = fit(rays, disparity)
-    assert plane.gradient == pytest.approx((0.05, -0.02), abs=0.01)
-    assert plane.height_m == pytest.approx(0.95, abs=0.01)
-    assert plane.inlier_share == pytest.approx(0.6, abs=0.05)
+    found = fit(rays, disparity)
+    assert found.plane.gradient == pytest.approx((0.05, -0.02), abs=0.01)
+    assert found.plane.height_m == pytest.approx(0.95, abs=0.01)
+    assert found.inlier_share == pytest.approx(0.6, abs=0.05)
 
 
 def test_the_tread_wins_over_its_riser_and_over_the_plane_through_the_nosings() -> None:
@@ -66,9 +65,9 @@ def test_the_tread_wins_over_its_riser_and_over_the_plane_through_the_nosings() 
     tread = x < np.median(x) + 0.05
     disparity = np.where(tread, disparity_of(rays, 0, 0, 0.95), disparity_of(rays, 0, 0, 0.78))
     weight = np.exp(-0.5 * ((x - np.median(x)) / 0.1) ** 2)
-    plane = fit(rays, disparity + rng.normal(0, 0.1, len(rays)), weight)
-    assert plane.height_m == pytest.approx(0.95, abs=0.02)
-    assert plane.gradient[0] == pytest.approx(0.0, abs=0.05)
+    found = fit(rays, disparity + rng.normal(0, 0.1, len(rays)), weight)
+    assert found.plane.height_m == pytest.approx(0.95, abs=0.02)
+    assert found.plane.gradient[0] == pytest.approx(0.0, abs=0.05)
 
 
 def test_the_stated_covariance_covers_the_errors() -> None:
@@ -78,10 +77,10 @@ def test_the_stated_covariance_covers_the_errors() -> None:
     truth = np.array([0.03, 0.01, 0.95])
     squared = []
     for _ in range(120):
-        plane = fitter.fit(rays, disparity_of(rays, *truth) + rng.normal(0, 0.2, len(rays)), np.ones(len(rays)))
-        assert plane is not None
-        error = np.array([*plane.gradient, plane.height_m]) - truth
-        squared.append(error @ np.linalg.solve(plane.covariance, error))
+        found = fitter.fit(rays, disparity_of(rays, *truth) + rng.normal(0, 0.2, len(rays)), np.ones(len(rays)))
+        assert found is not None
+        error = np.array([*found.plane.gradient, found.plane.height_m]) - truth
+        squared.append(error @ np.linalg.solve(found.covariance, error))
     # χ² with 3 degrees: mean 3; Tukey's weights cost 5 % efficiency
     assert np.mean(squared) == pytest.approx(3.0, rel=0.25)
 

@@ -35,7 +35,7 @@ def project(points_L: NDArray[np.float64], stereo: StereoCalibration, eye: str) 
     R, p = (np.eye(3), np.zeros(3)) if eye == "left" else (np.array(stereo.X_RL.R), np.array(stereo.X_RL.p_m))
     K = np.array([[lens.fx_px, 0, lens.cx_px], [0, lens.fy_px, lens.cy_px], [0, 0, 1]])
     pixels, _ = cv2.projectPoints(points_L, cv2.Rodrigues(R)[0], p, K, np.array(lens.distortion))
-    return np.asarray(pixels).reshape(-1, 2)
+    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
 
 
 @pytest.mark.parametrize("divisor", [1, 2, 4])

@@ -1,0 +1,75 @@
+"""What the commands share in front of a person: tables, progress, JSON files."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from messages.errors import UserError
+from sim_rig.score import Score
+
+T = TypeVar("T")
+
+console = Console()
+
+
+def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table; the first column is text, the others are numbers."""
+    sheet = Table(title=title, title_justify="left")
+    for place, column in enumerate(columns):
+        sheet.add_column(column, justify="right" if place else "left")
+    for row in rows:
+        sheet.add_row(*row)
+    console.print(sheet)
+
+
+def score_table(title: str, scores: dict[str, Score]) -> None:
+    """Print the accuracy on each kind of ground."""
+    table(
+        title,
+        ["ground", "frames", "valid", "sagittal RMS", "frontal RMS", "height RMS", "within 95 %"],
+        [
+            [
+                kind,
+                str(score.frames),
+                f"{100 * score.valid_share:.1f} %",
+                f"{score.slope_sagittal_rms_deg:.2f}°",
+                f"{score.slope_frontal_rms_deg:.2f}°",
+                f"{score.height_rms_mm:.1f} mm",
+                f"{100 * score.coverage:.0f} %",
+            ]
+            for kind, score in scores.items()
+        ],
+    )
+
+
+def write_json(path: Path, facts: Any) -> None:
+    """Write `facts` as indented JSON; a number that is not finite becomes null.
+
+    Raises UserError where the file cannot be written.
+    """
+    try:
+        path.write_bytes(msgspec.json.format(msgspec.json.encode(facts), indent=2) + b"\n")
+    except OSError as error:
+        raise UserError(f"--json {path}: {error.strerror}") from error
+
+
+def progress(items: Sequence[T], what: str) -> Iterable[T]:
+    """Yield `items` behind a progress bar."""
+    return track(items, description=what, console=console)
+
+
+def seed_list(text: str) -> list[int]:
+    """Return the seeds that `1,2,5` or `1-8` stands for; raises UserError for anything else."""
+    try:
+        seeds = []
+        for part in text.split(","):
+            first, _, last = part.partition("-")
+            seeds += range(int(first), int(last or first) + 1)
+    except ValueError as error:
+        raise UserError(f"--seeds {text}: expected numbers such as 1,2,5 or a range such as 1-8") from error
+    return seeds

@@ -1,0 +1,51 @@
+"""`gaiteyes evaluate`: accuracy against known truth, faster than real time."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+evaluate = typer.Typer(help="Accuracy against known truth.", no_args_is_help=True)
+
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")]
+
+
+@evaluate.command()
+def motorcycle(json: JsonFile = None) -> None:
+    """A real stereo photograph: the floor as matched beside the floor in its true disparity."""
+    from cli.console import table, write_json
+    from sim_rig.real_pair import compare_floor, load
+
+    found = compare_floor(load())
+    table(
+        "Concrete floor of the Middlebury 2014 Motorcycle pair (741×500)",
+        ["", "measured", "true disparity", "difference"],
+        [
+            ["pitch", f"{found.pitch_deg:.3f}°", f"{found.true_pitch_deg:.3f}°", f"{found.pitch_error_deg:+.3f}°"],
+            ["height", f"{found.height_m:.4f} m", f"{found.true_height_m:.4f} m", f"{found.height_error_mm:+.1f} mm"],
+            ["angle between the planes", "", "", f"{found.angle_error_deg:.3f}°"],
+        ],
+    )
+    if json is not None:
+        write_json(json, found)
+
+
+@evaluate.command()
+def rig(
+    seeds: Annotated[str, typer.Option(help="Rig units, one walk each: a list such as 1,2,5 or a range 1-8.")] = "1-4",
+    seconds: Annotated[float, typer.Option(min=5.0, help="Length of each walk.")] = 60.0,
+    scenario: Annotated[str, typer.Option(help="What is walked; see `gaiteyes demo --help`.")] = "mixed",
+    perfect_calibration: Annotated[bool, typer.Option(help="No calibration residual (to be labelled so).")] = False,
+    json: JsonFile = None,
+) -> None:
+    """The simulated wearer offline: slope and height error on each kind of ground, for several units."""
+    from cli.console import progress, score_table, seed_list, write_json
+    from sim_rig.offline import score_walk
+
+    totals = {}
+    for seed in progress(seed_list(seeds), "walking"):
+        totals[seed] = score_walk(seed, scenario, seconds, perfect_calibration=perfect_calibration)
+    for seed, scores in totals.items():
+        score_table(f"unit {seed}, {scenario}, {seconds:g} s", scores)
+    if json is not None:
+        write_json(json, {str(seed): scores for seed, scores in totals.items()})
