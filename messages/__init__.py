@@ -22,6 +22,7 @@ from messages.estimates import (
     Source,
     Stamp,
     Status,
+    upper_triangle,
 )
 from messages.inputs import (
     AnkleState,
@@ -80,5 +81,6 @@ __all__ = [
     "UserError",
     "Vec3",
     "matrix3",
+    "upper_triangle",
     "vec3",
 ]

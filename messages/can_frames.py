@@ -104,7 +104,7 @@ class _Code(msgspec.Struct, frozen=True):
         steps = value / self.scale
         if not math.isfinite(steps):
             return None
-        # A hair above a step, as rounding leaves it (0.029 s is 29.000000000000004 ms), is that step and not the next.
+        # A rounding error above a step does not make it the next one.
         raw = math.ceil(steps - 1e-9) if up else round(steps)
         return raw if self.raw_min <= raw <= self.raw_max else None
 

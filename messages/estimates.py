@@ -5,12 +5,20 @@ calibration's id; `seq`, age, source and publishing time are added by the publis
 import enum
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from messages.inputs import DropCause, Load, Vec3
 
 Quaternion = tuple[float, float, float, float]
 Covariance3 = tuple[float, float, float, float, float, float]
 """Upper triangle (00, 01, 02, 11, 12, 22) of a symmetric 3×3 matrix."""
+
+
+def upper_triangle(symmetric: NDArray[np.float64]) -> Covariance3:
+    """Return a symmetric (3, 3) array as a message's covariance."""
+    s: list[list[float]] = symmetric.tolist()
+    return s[0][0], s[0][1], s[0][2], s[1][1], s[1][2], s[2][2]
 
 
 class Status(str, enum.Enum):
@@ -86,6 +94,7 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     imu_samples: int
     imu_lost: int
     imu_clipped: int
+    imu_refused: int
     imu_bus_errors: int
     imu_fifo_overflows: int
     imu_resets: int

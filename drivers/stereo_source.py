@@ -1,0 +1,108 @@
+"""What every stereo source shares: the pool that bounds image memory, and the choice of frames on the 50 ms grid."""
+
+import statistics
+import weakref
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from messages import FrameHeader, GreyImage, StereoFrame
+
+GRID_NS = 50_000_000
+"""20 frames a second, the rate the daemon works at."""
+
+
+class FramePair(NamedTuple):
+    """Pixels to fill: `left` and `right` are writable (height_px, width_px) uint8, their content undefined."""
+
+    left: GreyImage
+    right: GreyImage
+
+    def frame(self, header: FrameHeader) -> StereoFrame:
+        """Return the message that owns these pixels from now on; they become read-only."""
+        self.left.flags.writeable = False
+        self.right.flags.writeable = False
+        return StereoFrame(header=header, left=self.left, right=self.right)
+
+
+class FramePool:
+    """A fixed number of image pairs, allocated once, so that a steady stream of frames allocates no image memory.
+
+    A pair is lent by `take` and comes back by itself once nothing refers to its pixels any more: neither image nor
+    any view, slice or memoryview of one. `take` and the return may happen in different threads.
+    """
+
+    def __init__(self, count: int, width_px: int, height_px: int) -> None:
+        self._shape = (2, height_px, width_px)
+        self._free = deque(bytearray(2 * height_px * width_px) for _ in range(count))
+
+    @property
+    def free(self) -> int:
+        """Return how many pairs could be taken now."""
+        return len(self._free)
+
+    def take(self) -> FramePair | None:
+        """Lend a pair, or return None while all of them are held (the caller counts `POOL_EXHAUSTED`)."""
+        try:
+            storage = self._free.popleft()
+        except IndexError:
+            return None
+        # NumPy lets a view of a view refer straight to the array that owns the memory. `both` counts as that owner,
+        # because what lies below it is no array; so it lives exactly as long as the last view of either image.
+        both: GreyImage = np.ndarray(self._shape, np.uint8, buffer=storage)
+        # No lock here: the last reference may go in any thread and at any time, in the middle of `take` too.
+        # Appending to a deque is atomic, a lock could be taken twice.
+        weakref.finalize(both, self._free.append, storage).atexit = False
+        return FramePair(both[0], both[1])
+
+
+class GridPicker:
+    """Chooses, by timestamp, the frame nearest each point of a 50 ms grid, without waiting for the one after it.
+
+    A frame is taken when it is as near to the next grid point as the frame expected one camera period later, that is
+    from half a period before the point on. The period is the median of the latest intervals, so a camera that slows
+    down in poor light needs no word from the driver. What comes from a camera of
+
+    - 60 or 20 fps: every third or every frame, 50 ms apart;
+    - 30 fps: 20 frames a second, alternately 33 and 67 ms apart;
+    - 15 fps, or any rate below 20: every frame, hence fewer than 20 a second.
+
+    The first frame sets the grid's phase. From then on the phase follows the frames with `_PHASE_GAIN`: a camera
+    whose clock differs by up to 1 % from the host's is locked to, where a fixed grid would drift until each point
+    lay midway between two frames and the jitter of their stamps chose among them.
+
+    A grid point is served once or, when no frame came within 25 ms of it, not at all; times never run backwards.
+    """
+
+    _PHASE_GAIN = 0.1
+    _INTERVALS = 9
+
+    def __init__(self, frame_period_s: float, spacing_ns: int = GRID_NS) -> None:
+        self._spacing_ns = spacing_ns
+        self._intervals_ns = deque([round(frame_period_s * 1e9)], maxlen=self._INTERVALS)
+        self._latest_ns: int | None = None
+        self._next_point_ns = 0
+
+    def pick(self, t_ns: int) -> bool:
+        """Return whether the frame stamped `t_ns` is the one to use; call once for every sound frame, in order."""
+        if self._latest_ns is None:
+            self._latest_ns = t_ns
+            self._next_point_ns = t_ns + self._spacing_ns
+            return True
+        if t_ns <= self._latest_ns:
+            return False
+        self._intervals_ns.append(t_ns - self._latest_ns)
+        self._latest_ns = t_ns
+
+        half_cell_ns = self._spacing_ns // 2
+        half_period_ns = min(round(statistics.median(self._intervals_ns)) // 2, half_cell_ns)
+        passed = max(0, (t_ns - self._next_point_ns + half_cell_ns) // self._spacing_ns)
+        self._next_point_ns += passed * self._spacing_ns
+        late_ns = t_ns - self._next_point_ns
+        if late_ns < -half_period_ns:
+            return False
+        # A frame later than half a period stands in for a lost one and says nothing about the phase.
+        drift_ns = round(self._PHASE_GAIN * late_ns) if late_ns <= half_period_ns else 0
+        self._next_point_ns += self._spacing_ns + drift_ns
+        return True
