@@ -66,10 +66,16 @@ def progress(items: Sequence[T], what: str) -> Iterable[T]:
 def seed_list(text: str) -> list[int]:
     """Return the seeds that `1,2,5` or `1-8` stands for; raises UserError for anything else."""
     try:
-        seeds = []
+        seeds: list[int] = []
         for part in text.split(","):
             first, _, last = part.partition("-")
             seeds += range(int(first), int(last or first) + 1)
     except ValueError as error:
         raise UserError(f"--seeds {text}: expected numbers such as 1,2,5 or a range such as 1-8") from error
     return seeds
+
+
+def check_writable(path: Path | None) -> None:
+    """Raise UserError now, before the long work, if a file that is to be written later cannot be."""
+    if path is not None and not path.absolute().parent.is_dir():
+        raise UserError(f"--json {path}: its folder does not exist")

@@ -26,7 +26,7 @@ class HealthMonitor:
 
     def __init__(self, calibration_id: str) -> None:
         self._calibration_id = calibration_id
-        self._imu_samples = self._imu_clipped = self._imu_lost = 0
+        self._imu_samples = self._imu_clipped = self._imu_lost = self._imu_refused = 0
         self._frames = self._frames_valid = self._ankle_states = 0
         self._superseded: Counter[DropCause] = Counter()
         self._refused: Counter[Reason] = Counter()
@@ -48,6 +48,10 @@ class HealthMonitor:
         elif isinstance(message, DeviceCounters):
             self._devices = message
 
+    def refused_sample(self) -> None:
+        """Count one IMU sample that was not finite, or not later than the one before it."""
+        self._imu_refused += 1
+
     def said(self, ground: GroundPlane) -> None:
         """Count one ground estimate by its status or reason."""
         if ground.status is Status.VALID:
@@ -68,6 +72,7 @@ class HealthMonitor:
             imu_samples=self._imu_samples,
             imu_lost=self._imu_lost,
             imu_clipped=self._imu_clipped,
+            imu_refused=self._imu_refused,
             imu_bus_errors=devices.imu_bus_errors,
             imu_fifo_overflows=devices.imu_fifo_overflows,
             imu_resets=devices.imu_resets,

@@ -86,7 +86,7 @@ class GroundMeter:
 
         rays_H, disparity_px, points_H = rays_H[inside], disparity_px[inside], points_H[inside]
         fit = self._fitter.fit(rays_H, disparity_px, region.emphasis(points_H), stride=stride, expected=expected)
-        if fit is None or fit.inlier_share < self.least_inlier_share:
+        if fit is None or fit.noise_px >= self._fitter.most_noise_px or fit.inlier_share < self.least_inlier_share:
             return GroundMeasurement(Reason.NOT_PLANAR, matched_share)
         if fit.plane.steepness_rad > self._fitter.steepest_rad:
             return GroundMeasurement(Reason.TOO_STEEP, matched_share)

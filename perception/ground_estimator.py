@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from messages import Calibration, GroundPlane, Reason, Status, StereoFrame
+from messages import Calibration, GroundPlane, Reason, Status, StereoFrame, Vec3, upper_triangle
 from perception.foothold import FootholdSettings
 from perception.ground import GroundMeasurement, GroundMeter
 from perception.plane import Plane
@@ -28,7 +28,7 @@ class GroundEstimator:
         self,
         frame: StereoFrame,
         R_WB: FloatArray,
-        w_WB_B_radps: FloatArray,
+        w_WB_B_radps: Vec3,
         rotation_cov_W_rad2: FloatArray,
         *,
         reduced: bool = False,
@@ -45,7 +45,7 @@ class GroundEstimator:
             return self.refused(frame, Reason.FOOTHOLD_OUT_OF_VIEW)
         t_ns = frame.header.t_exposure_ns
         expected = self._tracker.predicted(t_ns, R_WH)
-        w_WC_C_radps = self._R_BC.T @ w_WB_B_radps
+        w_WC_C_radps = self._R_BC.T @ np.array(w_WB_B_radps)
         region = self._foothold.narrowed() if reduced else self._foothold
 
         def measure(swapped: bool) -> GroundMeasurement:
@@ -68,7 +68,7 @@ class GroundEstimator:
             slope_sagittal_rad=float(np.arctan(plane.gradient[0])),
             slope_frontal_rad=float(np.arctan(plane.gradient[1])),
             height_m=plane.height_m,
-            covariance=(cov[0, 0], cov[0, 1], cov[0, 2], cov[1, 1], cov[1, 2], cov[2, 2]),
+            covariance=upper_triangle(cov),
             ahead_m=self._foothold.ahead_m,
             matched_share=measured.matched_share,
             inlier_share=measured.fit.inlier_share,
@@ -87,12 +87,12 @@ class GroundEstimator:
             matched_share,
         )
 
-    def _attitude_cov(self, rotation_cov_H_rad2: FloatArray, w_B_radps: FloatArray) -> FloatArray:
+    def _attitude_cov(self, rotation_cov_H_rad2: FloatArray, w_B_radps: Vec3) -> FloatArray:
         """Return the covariance (2, 2) that attitude, mounting and frame time add to the slopes."""
         # a rotation δ in H turns the slopes by (−δ_y, δ_x) to first order
         turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
         turned: FloatArray = turn @ rotation_cov_H_rad2 @ turn.T
-        late_rad2 = float(w_B_radps @ w_B_radps) * self._residual.time_s**2
+        late_rad2 = sum(w * w for w in w_B_radps) * self._residual.time_s**2
         return turned + np.eye(2) * (self._residual.camera_to_imu_rad**2 + late_rad2)
 
 
@@ -154,7 +154,7 @@ class _SwapWatch:
         self._swapped = False
 
     def suspects(self, reason: Reason) -> bool:
-        self._unmatched += reason in (Reason.LOW_TEXTURE, Reason.NOT_PLANAR)
+        self._unmatched += reason in (Reason.LOW_TEXTURE, Reason.NOT_PLANAR, Reason.TOO_STEEP)
         return self._unmatched > 0 and self._unmatched % self.run == 0
 
     def verdict(self, reason: Reason, swapped: bool) -> Reason:

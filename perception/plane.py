@@ -70,6 +70,7 @@ class PlaneFitter:
     consensus_pixels: int = 600
     tolerance_px: float = 0.35
     least_noise_px: float = 0.04
+    most_noise_px: float = 0.6
     steepest_rad: float = float(np.radians(40.0))
     correlation_px: float = 180.0
     iterations: int = 6
@@ -126,7 +127,9 @@ class PlaneFitter:
             near = misfit < 3.0 * scale_px
             if np.count_nonzero(near) < _LEAST_PIXELS:
                 return None
-            scale_px = max(self.least_noise_px, 1.4826 * _weighted_median(misfit[near], weight[near]))
+            scale_px = 1.4826 * _weighted_median(misfit[near], weight[near])
+            # without a ceiling the scale of mere clutter would grow until all of it were inliers
+            scale_px = float(np.clip(scale_px, self.least_noise_px, self.most_noise_px))
             tukey = weight * np.clip(1.0 - (misfit / (4.685 * scale_px)) ** 2, 0.0, None) ** 2
             weighted = rays * tukey[:, None]
             try:
@@ -146,7 +149,7 @@ class PlaneFitter:
                 height_m=float(-self.fB_px_m / theta[2]),
             ),
             covariance=to_plane @ theta_cov @ to_plane.T,
-            noise_px=float(scale_px),
+            noise_px=scale_px,
             inlier_share=float(weight[inliers].sum() / weight.sum()),
         )
 

@@ -1,0 +1,87 @@
+"""`gaiteyes demo`: the simulated wearer in real time, through the same service as on hardware."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def demo(
+    seconds: Annotated[float, typer.Option(min=1.0, help="How long to walk.")] = 60.0,
+    scenario: Annotated[str, typer.Option(help="mixed, level, ramps or standing.")] = "mixed",
+    seed: Annotated[int, typer.Option(min=0, help="Which rig unit and which gait.")] = 1,
+    speed: Annotated[float, typer.Option(help="Walking speed, m/s.")] = 1.2,
+    cadence: Annotated[float, typer.Option(help="Steps per second.")] = 1.8,
+    record: Annotated[
+        Path | None, typer.Option(help="Record all inputs, outputs and the truth to this MCAP file.")
+    ] = None,
+    last: Annotated[float | None, typer.Option(min=1.0, help="Record only the newest seconds.")] = None,
+    config: Annotated[Path | None, typer.Option(help="Configuration file (TOML); the defaults without.")] = None,
+    can: Annotated[str | None, typer.Option(help="CAN bus as INTERFACE:CHANNEL.")] = None,
+    zenoh: Annotated[str | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
+    perfect_calibration: Annotated[bool, typer.Option(help="No calibration residual (to be labelled so).")] = False,
+    json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
+) -> None:
+    """Walk the simulated wearer in real time and say how well the ground was seen."""
+    import time
+
+    import msgspec
+
+    from cli.console import check_writable, score_table, write_json
+    from cli.live import LiveStatus
+    from cli.wiring import build_service, open_recorder, stopped_by_signals, summary_tables
+    from daemon.config import Configuration, load_configuration
+    from daemon.publish_zenoh import ZenohSettings
+    from daemon.summary import Tally
+    from drivers.can_link import parse_can
+    from drivers.mpu6050 import Mpu6050
+    from drivers.mpu6050_settings import Mpu6050Settings
+    from messages import Source
+    from sim_rig.referee import Referee
+    from sim_rig.scenario import Pace
+    from sim_rig.scenario import scenario as scenario_named
+    from sim_rig.wearer import SimulatedWearer
+
+    check_writable(json)
+    configuration = Configuration() if config is None else load_configuration(config)
+    if can is not None:
+        configuration = msgspec.structs.replace(configuration, can=parse_can(can))
+    if zenoh is not None:
+        configuration = msgspec.structs.replace(configuration, zenoh=ZenohSettings(listen=zenoh))
+    walk = scenario_named(scenario, Pace(speed_mps=speed, step_hz=cadence))
+
+    start_ns = time.monotonic_ns() + _LEAD_NS
+    wearer = SimulatedWearer(seed, walk, start_ns, perfect_calibration)
+    try:
+        recorder = None
+        if record is not None:
+            recorder = open_recorder(record, configuration, wearer.calibration, Source.SIMULATED, last)
+        camera = wearer.camera()
+        imu = Mpu6050(wearer.imu_bus, settings=Mpu6050Settings())
+        imu.open()
+        tally = Tally()
+        referee = Referee(wearer, configuration.foothold, recorder)
+        service = build_service(
+            configuration, wearer.calibration, Source.SIMULATED, imu, camera, recorder, [tally, referee]
+        )
+        with stopped_by_signals(service), LiveStatus(tally, referee) as live:
+            service.run(seconds, status=live.refresh)
+    finally:
+        wearer.close()
+
+    facts = tally.summary(service.latency, service.ticks_skipped)
+    scores = referee.scoreboard.summary()
+    summary_tables(facts)
+    label = "perfect calibration" if perfect_calibration else "calibration with its stated residual"
+    score_table(f"Ground against truth: {walk.name}, unit {seed}, {label}", scores)
+    if recorder is not None:
+        from cli.console import console
+
+        console.print(recorder.failed or f"recorded to {record}, {recorder.dropped} messages dropped")
+    if json is not None:
+        run_facts = {"seed": seed, "scenario": walk.name, "calibration": label, "run": facts, "ground": scores}
+        write_json(json, run_facts)
+
+
+_LEAD_NS = 2_000_000_000
+"""The wearer's clock starts this much later: by then the renderer's process is up."""

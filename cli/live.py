@@ -1,0 +1,69 @@
+"""The line that is kept up to date while a service runs; plain lines once a second where there is no terminal."""
+
+import time
+from types import TracebackType
+
+import numpy as np
+from rich.live import Live
+from rich.text import Text
+
+from cli.console import console
+from daemon.summary import Tally
+from messages import GroundPlane, Status
+from sim_rig.referee import Referee
+
+
+class LiveStatus:
+    """Shows the newest ground estimate, beside the truth where there is one."""
+
+    def __init__(self, tally: Tally, referee: Referee | None = None) -> None:
+        self._tally = tally
+        self._referee = referee
+        self._start_s = time.monotonic()
+        self._told_s = 0.0
+        self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
+
+    def __enter__(self) -> "LiveStatus":
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, _type: type[BaseException] | None, _error: BaseException | None, _traceback: TracebackType | None
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def refresh(self) -> None:
+        """Show the state as it is now."""
+        elapsed_s = time.monotonic() - self._start_s
+        line = f"{elapsed_s:6.1f} s  " + self._seen()
+        if self._live is not None:
+            self._live.update(Text(line), refresh=True)
+        elif elapsed_s - self._told_s >= 1.0:
+            self._told_s = elapsed_s
+            console.print(line, highlight=False)
+
+    def _seen(self) -> str:
+        ground = self._tally.ground
+        if ground is None:
+            return "waiting for the first frame"
+        if ground.status is not Status.VALID:
+            return f"{ground.status.value}: {ground.reason.value}"
+        return _numbers(ground) + self._true()
+
+    def _true(self) -> str:
+        truth = self._referee.truth if self._referee is not None else None
+        if truth is None:
+            return ""
+        kind = ("standing on " if truth.standing else "") + truth.kind + (", at an edge" if truth.transition else "")
+        return f"   truth {np.degrees(truth.slope_sagittal_rad):+5.1f}°  {truth.height_m:.3f} m  {kind}"
+
+
+def _numbers(ground: GroundPlane) -> str:
+    slope_std_deg, height_std_mm = np.degrees(np.sqrt(ground.covariance[0])), 1e3 * np.sqrt(ground.covariance[5])
+    return (
+        f"slope {np.degrees(ground.slope_sagittal_rad):+5.1f} ± {slope_std_deg:.1f}°  "
+        f"frontal {np.degrees(ground.slope_frontal_rad):+5.1f}°  "
+        f"height {ground.height_m:.3f} ± {1e-3 * height_std_mm:.3f} m"
+    )

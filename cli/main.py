@@ -1,0 +1,44 @@
+"""The `gaiteyes` command. Wiring only: every command imports what it needs when it is called, so --help is fast."""
+
+import sys
+
+import click
+import typer
+
+from cli.demo import demo
+from cli.evaluate import evaluate
+from cli.replay import replay
+from cli.run import run
+
+app = typer.Typer(
+    name="gaiteyes",
+    help="Eyes for a powered ankle prosthesis: slope and height of the ground at the next foothold.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command()(run)
+app.command()(demo)
+app.command()(replay)
+app.add_typer(evaluate, name="evaluate")
+
+
+def main() -> None:
+    """Run the command line; a user's mistake is one line on stderr and exit code 2."""
+    from messages.errors import UserError
+
+    try:
+        code = app(standalone_mode=False)
+    except UserError as error:
+        sys.exit(_told(str(error)))
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except (click.Abort, KeyboardInterrupt):
+        sys.exit(130)
+    sys.exit(code)
+
+
+def _told(line: str) -> int:
+    print(f"gaiteyes: {line}", file=sys.stderr)
+    return 2

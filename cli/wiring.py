@@ -1,0 +1,101 @@
+"""What `run` and `demo` put around the pipeline: publishers, recorder, signals and the summary for a person."""
+
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+from calib.files import format_calibration
+from cli.console import table
+from daemon.config import Configuration, format_configuration
+from daemon.pipeline import Pipeline
+from daemon.publish_can import CanPublisher
+from daemon.publish_zenoh import ZenohPublisher
+from daemon.recorder import Recorder, RecordingInfo
+from daemon.service import Devices, Observer, Service
+from daemon.stamping import Stamper, read_boot_id
+from daemon.summary import RunSummary
+from drivers.can_link import CanLink
+from drivers.protocols import ImuSource, StereoSource
+from messages import Calibration, Source
+
+
+def open_recorder(
+    path: Path, configuration: Configuration, calibration: Calibration, source: Source, last_s: float | None
+) -> Recorder:
+    """Return a recorder that writes to `path`, or keeps the newest `last_s` seconds for it."""
+    info = RecordingInfo(
+        device=configuration.device,
+        source=source,
+        calibration_text=format_calibration(calibration),
+        configuration_text=format_configuration(configuration),
+    )
+    return Recorder(path, info, last_s=last_s)
+
+
+def build_service(
+    configuration: Configuration,
+    calibration: Calibration,
+    source: Source,
+    imu: ImuSource,
+    camera: StereoSource,
+    recorder: Recorder | None,
+    observers: Sequence[Observer],
+) -> Service:
+    """Return the service on these devices, with Zenoh and CAN as configured."""
+    zenoh = ZenohPublisher(
+        configuration.zenoh, configuration.device, calibration=calibration, configuration=configuration
+    )
+    link = CanLink(configuration.can)
+    return Service(
+        Pipeline(calibration, configuration.foothold),
+        Devices(imu=imu, camera=camera, ankle=link),
+        [zenoh],
+        Stamper(configuration.device, read_boot_id(), source),
+        can=CanPublisher(link),
+        recorder=recorder,
+        observers=observers,
+    )
+
+
+@contextmanager
+def stopped_by_signals(service: Service) -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM end `service.run` cleanly."""
+
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        service.stop()
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def summary_tables(facts: RunSummary) -> None:
+    """Print rates, losses, latency and load."""
+    dropped = facts.health.frames_dropped if facts.health is not None else {}
+    lost = ", ".join(f"{count} {cause.value}" for cause, count in dropped.items()) or "none"
+    table(
+        f"{facts.seconds:.1f} s",
+        ["", ""],
+        [
+            ["planes per second", f"{facts.planes_per_s:.2f}"],
+            ["of these valid", f"{100 * facts.valid_share:.1f} %"],
+            ["IMU samples per second", f"{facts.imu_samples_per_s:.2f}"],
+            ["IMU samples lost", str(facts.imu_lost)],
+            ["frames dropped", lost],
+            ["processor, of one core", f"{100 * facts.cpu_share:.0f} %"],
+            ["memory, settled → end", f"{facts.memory_settled_mb:.0f} → {facts.memory_end_mb:.0f} MB"],
+        ],
+    )
+    table(
+        "Latency, ms",
+        ["stage", "p50", "p99", "max"],
+        [
+            [name.replace("_", " "), f"{spread.p50_ms:.1f}", f"{spread.p99_ms:.1f}", f"{spread.max_ms:.1f}"]
+            for name, spread in facts.latency.items()
+        ],
+    )

@@ -1,0 +1,113 @@
+"""The deterministic heart: one input message in, estimates out. No clock, no randomness, no I/O, no threads.
+
+Live, replay and simulation drive this same object; the silence of a device is seen through the ticks.
+"""
+
+from collections.abc import Iterator
+
+from daemon.health import HealthMonitor
+from messages import (
+    Calibration,
+    Estimate,
+    GroundPlane,
+    ImuSample,
+    Input,
+    Load,
+    LoadLevel,
+    Reason,
+    StereoFrame,
+    Tick,
+)
+from perception.attitude_track import AttitudeTrack
+from perception.foothold import FootholdSettings
+from perception.ground_estimator import GroundEstimator, no_ground
+
+LONGEST_WAIT_NS = 20_000_000
+"""How long after its arrival a frame waits for an IMU sample later than its exposure, told by ticks."""
+
+SILENCE_NS = 120_000_000
+"""When no frame has arrived for this long, an invalid estimate says so every `FRAME_PERIOD_NS`."""
+
+FRAME_PERIOD_NS = 50_000_000
+
+NO_FRAME_SEQ = -1
+
+
+class Pipeline:
+    """Attitude from each IMU sample, ground from each frame, health once a second."""
+
+    def __init__(self, calibration: Calibration, foothold: FootholdSettings) -> None:
+        self._calibration_id = calibration.id
+        self._foothold = foothold
+        self._attitude = AttitudeTrack(calibration)
+        self._ground = GroundEstimator(calibration, foothold)
+        self._health = HealthMonitor(calibration.id)
+        self._load = Load.NORMAL
+        self._waiting: StereoFrame | None = None
+        self._silent_from_ns: int | None = None
+
+    def step(self, message: Input) -> tuple[Estimate, ...]:
+        """Take one input, in the order of arrival, and return the estimates that it completes."""
+        self._health.saw(message)
+        return tuple(self._react(message))
+
+    def _react(self, message: Input) -> Iterator[Estimate]:
+        if isinstance(message, ImuSample):
+            yield from self._feel(message)
+        elif isinstance(message, StereoFrame):
+            yield from self._take(message)
+        elif isinstance(message, Tick):
+            yield from self._notice(message.t_ns)
+        elif isinstance(message, LoadLevel):
+            self._load = message.load
+
+    def _feel(self, sample: ImuSample) -> Iterator[Estimate]:
+        if not self._attitude.accepts(sample):
+            self._health.refused_sample()
+            return
+        yield self._attitude.feel(sample)
+        if self._waiting is not None and self._is_felt(self._waiting):
+            yield self._see(self._waiting)
+
+    def _take(self, frame: StereoFrame) -> Iterator[Estimate]:
+        if self._waiting is not None:
+            yield self._see(self._waiting)
+        self._silent_from_ns = frame.header.t_arrival_ns + SILENCE_NS
+        self._waiting = frame
+        if self._is_felt(frame):
+            yield self._see(frame)
+
+    def _notice(self, t_ns: int) -> Iterator[Estimate]:
+        if self._waiting is not None and t_ns - self._waiting.header.t_arrival_ns > LONGEST_WAIT_NS:
+            yield self._see(self._waiting)
+        if self._silent_from_ns is None:
+            self._silent_from_ns = t_ns + SILENCE_NS
+        if t_ns >= self._silent_from_ns:
+            self._silent_from_ns += FRAME_PERIOD_NS * (1 + (t_ns - self._silent_from_ns) // FRAME_PERIOD_NS)
+            silence = no_ground(t_ns, NO_FRAME_SEQ, Reason.NO_FRAME, self._foothold.ahead_m, self._calibration_id)
+            yield self._counted(silence)
+        yield from self._health.due(t_ns, self._load)
+
+    def _is_felt(self, frame: StereoFrame) -> bool:
+        newest_ns = self._attitude.newest_ns
+        return newest_ns is not None and newest_ns > frame.header.t_exposure_ns
+
+    def _see(self, frame: StereoFrame) -> GroundPlane:
+        self._waiting = None
+        attitude = self._attitude.at(frame.header.t_exposure_ns)
+        if attitude is None:
+            reason = self._attitude.reason
+            return self._counted(self._ground.refused(frame, Reason.NO_IMU if reason is Reason.NONE else reason))
+        return self._counted(
+            self._ground.estimate(
+                frame,
+                attitude.R_WB,
+                attitude.w_WB_B,
+                self._attitude.rotation_cov_W_rad2,
+                reduced=self._load is Load.REDUCED,
+            )
+        )
+
+    def _counted(self, ground: GroundPlane) -> GroundPlane:
+        self._health.said(ground)
+        return ground

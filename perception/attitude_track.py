@@ -1,0 +1,117 @@
+"""From IMU samples to the attitude at any instant of the last second, the filter's first second included."""
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import Attitude, Calibration, ImuSample, Reason, Status, Vec3, upper_triangle, vec3
+from perception import so3
+from perception.attitude import AttitudeFilter, AttitudeSettings
+from perception.attitude_history import AttitudeAt, AttitudeHistory, OutsideHistoryError
+from perception.imu_model import corrected
+
+FloatArray = NDArray[np.float64]
+
+
+class AttitudeTrack:
+    """The filter, its recent past and, once it has started, its start in retrospect.
+
+    The filter needs a second at rest to know the gyroscope's bias; from there the samples of that second are
+    integrated backwards, so that a frame exposed during it can still be placed.
+    """
+
+    def __init__(self, calibration: Calibration) -> None:
+        self._imu = calibration.imu
+        self._calibration_id = calibration.id
+        self._filter = AttitudeFilter(AttitudeSettings(), calibration.residual)
+        self._history = AttitudeHistory(length_s=_REMEMBERED_S)
+        self._before_start: deque[tuple[int, Vec3]] = deque(maxlen=_MOST_BEFORE_START)
+        self._newest_ns: int | None = None
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Return the time of the last sample taken, or None before the first."""
+        return self._newest_ns
+
+    @property
+    def reason(self) -> Reason:
+        """Return why there is no attitude now, or NONE."""
+        return self._filter.reason
+
+    @property
+    def rotation_cov_W_rad2(self) -> FloatArray:
+        """Return the covariance (3, 3) of the small rotation in W between the newest attitude and the truth."""
+        return self._filter.rotation_cov_W
+
+    def accepts(self, sample: ImuSample) -> bool:
+        """Return whether `sample` is finite and later than the last one."""
+        finite = all(map(math.isfinite, (*sample.sf_B_mps2, *sample.w_WB_B_radps)))
+        return finite and (self._newest_ns is None or sample.t_sample_ns > self._newest_ns)
+
+    def feel(self, sample: ImuSample) -> Attitude:
+        """Take an acceptable sample and return the attitude at its time."""
+        sf_B_mps2, w_B_radps = corrected(sample, self._imu)
+        self._filter.update(sample.t_sample_ns, sf_B_mps2, w_B_radps, clipped=sample.clipped)
+        self._newest_ns = sample.t_sample_ns
+        if self._filter.status is Status.VALID:
+            if self._before_start:
+                self._look_back(sample.t_sample_ns)
+            self._history.append(sample.t_sample_ns, self._filter.q_WB, self._filter.w_WB_B)
+        else:
+            # a new start has a new yaw: nothing of the track before it may be mixed with what follows
+            self._history.clear()
+            self._before_start.append((sample.t_sample_ns, w_B_radps))
+        return self._message(sample.t_sample_ns)
+
+    def at(self, t_ns: int) -> AttitudeAt | None:
+        """Return attitude and rate at `t_ns`, or None if that is not between known samples or just after the newest."""
+        try:
+            return self._history.at(t_ns)
+        except OutsideHistoryError:
+            return None
+
+    def _look_back(self, t_ns: int) -> None:
+        """Integrate backwards from the first attitude, R(t − dt) = R(t) exp(−w dt), and put the result in order."""
+        q_WB, bias = self._filter.q_WB, self._filter.gyro_bias
+        past: list[AttitudeAt] = []
+        for t_before_ns, measured in reversed(self._before_start):
+            w_B = vec3(np.subtract(measured, bias))
+            dt_s = (t_ns - t_before_ns) * 1e-9
+            q_WB = so3.positive(so3.multiply(q_WB, so3.quaternion_from_rotvec(vec3(np.multiply(w_B, -dt_s)))))
+            past.append(AttitudeAt(t_before_ns, q_WB, w_B))
+            t_ns = t_before_ns
+        for attitude in reversed(past):
+            self._history.append(*attitude)
+        self._before_start.clear()
+
+    def _message(self, t_sample_ns: int) -> Attitude:
+        status = self._filter.status
+        if status is not Status.VALID:
+            nan = float("nan")
+            return Attitude(
+                t_sample_ns=t_sample_ns,
+                status=status,
+                reason=self._filter.reason,
+                q_WB=(nan,) * 4,
+                w_WB_B_radps=(nan,) * 3,
+                gyro_bias_B_radps=(nan,) * 3,
+                rotation_cov_W_rad2=(nan,) * 6,
+                calibration_id=self._calibration_id,
+            )
+        cov = self._filter.rotation_cov_W
+        return Attitude(
+            t_sample_ns=t_sample_ns,
+            status=status,
+            reason=self._filter.reason,
+            q_WB=self._filter.q_WB,
+            w_WB_B_radps=self._filter.w_WB_B,
+            gyro_bias_B_radps=self._filter.gyro_bias,
+            rotation_cov_W_rad2=upper_triangle(cov),
+            calibration_id=self._calibration_id,
+        )
+
+
+_MOST_BEFORE_START = 1024
+_REMEMBERED_S = 2.0

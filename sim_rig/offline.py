@@ -1,0 +1,31 @@
+"""A simulated walk through the pipeline faster than real time: the same driver, messages and pipeline, no threads."""
+
+from daemon.pipeline import Pipeline
+from messages import GroundPlane
+from perception.foothold import FootholdSettings
+from sim_rig.scenario import Pace, scenario
+from sim_rig.score import Score, Scoreboard
+from sim_rig.wearer import SimulatedWearer
+
+_START_NS = 10_000_000_000
+
+
+def score_walk(
+    seed: int,
+    scenario_name: str,
+    seconds: float,
+    *,
+    pace: Pace | None = None,
+    perfect_calibration: bool = False,
+) -> dict[str, Score]:
+    """Return the accuracy on each kind of ground of `seconds` of one unit's walk."""
+    wearer = SimulatedWearer(seed, scenario(scenario_name, pace), _START_NS, perfect_calibration)
+    foothold = FootholdSettings()
+    pipeline = Pipeline(wearer.calibration, foothold)
+    board = Scoreboard()
+    for message in wearer.offline_inputs(seconds):
+        for estimate in pipeline.step(message):
+            if isinstance(estimate, GroundPlane) and estimate.frame_seq >= 0:
+                truth = wearer.truth(estimate.t_exposure_ns, foothold.ahead_m, foothold.half_length_m)
+                board.add(estimate, truth)
+    return board.summary()

@@ -1,0 +1,177 @@
+"""The pipeline: waiting for the IMU, saying silence, refusing bad samples, the same bytes for the same inputs."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import msgspec
+import pytest
+
+from daemon.pipeline import NO_FRAME_SEQ, Pipeline
+from messages import (
+    TOPIC_OF,
+    Attitude,
+    DropCause,
+    DroppedFrame,
+    Estimate,
+    GroundPlane,
+    Health,
+    ImuSample,
+    Input,
+    Load,
+    LoadLevel,
+    Reason,
+    Status,
+    StereoFrame,
+    Tick,
+)
+from messages.codec import encode_line
+from perception.foothold import FootholdSettings
+from sim_rig.scenario import scenario
+from sim_rig.wearer import SimulatedWearer
+
+START_NS = 10_000_000_000
+
+
+@pytest.fixture(scope="module")
+def wearer() -> SimulatedWearer:
+    return SimulatedWearer(3, scenario("standing"), START_NS)
+
+
+@pytest.fixture(scope="module")
+def inputs(wearer: SimulatedWearer) -> list[Input]:
+    return list(wearer.offline_inputs(2.4))
+
+
+def pipeline(wearer: SimulatedWearer) -> Pipeline:
+    return Pipeline(wearer.calibration, FootholdSettings())
+
+
+def run(pipe: Pipeline, inputs: list[Input]) -> list[Estimate]:
+    return [estimate for message in inputs for estimate in pipe.step(message)]
+
+
+def grounds(estimates: list[Estimate]) -> list[GroundPlane]:
+    return [estimate for estimate in estimates if isinstance(estimate, GroundPlane)]
+
+
+def test_each_frame_and_each_sample_gets_its_estimate(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    estimates = run(pipeline(wearer), inputs)
+    frames = [message for message in inputs if isinstance(message, StereoFrame)]
+    samples = [message for message in inputs if isinstance(message, ImuSample)]
+    assert [g.t_exposure_ns for g in grounds(estimates)] == [f.header.t_exposure_ns for f in frames]
+    assert len([e for e in estimates if isinstance(e, Attitude)]) == len(samples)
+    assert len([e for e in estimates if isinstance(e, Health)]) == 2
+
+
+def test_before_the_start_there_is_a_status_and_no_number(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    first, last = (grounds(run(pipeline(wearer), inputs))[i] for i in (0, -1))
+    assert (first.status, first.reason) == (Status.INITIALISING, Reason.STARTING)
+    assert first.height_m != first.height_m
+    assert (last.status, last.reason) == (Status.VALID, Reason.NONE)
+    assert last.height_m == pytest.approx(0.95, abs=0.05)
+
+
+def test_the_same_inputs_give_the_same_bytes(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    def lines() -> list[bytes]:
+        return [encode_line(TOPIC_OF[type(estimate)], estimate) for estimate in run(pipeline(wearer), inputs)]
+
+    assert lines() == lines()
+
+
+def without_imu_after(inputs: list[Input], t_ns: int) -> Iterator[Input]:
+    return (m for m in inputs if not (isinstance(m, ImuSample) and m.t_arrival_ns > t_ns))
+
+
+def test_a_frame_without_later_imu_samples_waits_twenty_milliseconds_and_is_refused(
+    wearer: SimulatedWearer, inputs: list[Input]
+) -> None:
+    pipe, cut_ns = pipeline(wearer), START_NS + 2_000_000_000
+    seen: dict[int, int] = {}
+    now_ns = 0
+    for message in without_imu_after(inputs, cut_ns):
+        if isinstance(message, Tick):
+            now_ns = message.t_ns
+        for ground in grounds(list(pipe.step(message))):
+            if ground.t_exposure_ns > cut_ns:
+                assert ground.reason is Reason.NO_IMU
+                assert ground.slope_sagittal_rad != ground.slope_sagittal_rad
+                seen[ground.t_exposure_ns] = now_ns
+    arrivals = {m.header.t_exposure_ns: m.header.t_arrival_ns for m in inputs if isinstance(m, StereoFrame)}
+    assert len(seen) >= 5
+    for t_exposure_ns, t_ns in seen.items():
+        assert 20_000_000 < t_ns - arrivals[t_exposure_ns] <= 50_000_000
+
+
+def test_silence_of_the_camera_is_said_twenty_times_a_second(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    cut_ns = START_NS + 1_500_000_000
+    silent = [m for m in inputs if not (isinstance(m, StereoFrame) and m.header.t_arrival_ns > cut_ns)]
+    said = [g for g in grounds(run(pipeline(wearer), silent)) if g.reason is Reason.NO_FRAME]
+    assert all(g.status is Status.INVALID and g.frame_seq == NO_FRAME_SEQ for g in said)
+    assert 0 < said[0].t_exposure_ns - cut_ns <= 150_000_000
+    gaps_ns = [b.t_exposure_ns - a.t_exposure_ns for a, b in pairwise(said)]
+    assert gaps_ns
+    assert set(gaps_ns) == {50_000_000}
+
+
+def test_a_repeated_or_broken_sample_is_refused_and_counted(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    spoilt: list[Input] = []
+    for message in inputs:
+        spoilt.append(message)
+        if isinstance(message, ImuSample) and message.seq % 20 == 0:
+            spoilt.append(message)
+            nan = (float("nan"), 0.0, 0.0)
+            later_ns = message.t_sample_ns + 1
+            spoilt.append(msgspec.structs.replace(message, sf_B_mps2=nan, t_sample_ns=later_ns))
+    clean, refused = run(pipeline(wearer), inputs), run(pipeline(wearer), spoilt)
+    assert [g.height_m for g in grounds(refused)[-5:]] == [g.height_m for g in grounds(clean)[-5:]]
+    health = [e for e in refused if isinstance(e, Health)][-1]
+    assert health.imu_refused > 10
+
+
+def test_health_counts_dropped_frames_by_cause(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    dropping = [
+        DroppedFrame(header=m.header, cause=DropCause.SUPERSEDED)
+        if isinstance(m, StereoFrame) and m.header.seq % 2
+        else m
+        for m in inputs
+    ]
+    health = [e for e in run(pipeline(wearer), dropping) if isinstance(e, Health)][-1]
+    assert health.frames_dropped == {DropCause.SUPERSEDED: health.frames}
+    assert health.frames_valid + sum(health.refused.values()) == health.frames
+
+
+def test_under_reduced_load_the_ground_is_still_found(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    reduced = [LoadLevel(t_ns=START_NS, load=Load.REDUCED), *inputs]
+    estimates = run(pipeline(wearer), reduced)
+    last = grounds(estimates)[-1]
+    assert last.status is Status.VALID
+    assert last.height_m == pytest.approx(grounds(run(pipeline(wearer), inputs))[-1].height_m, abs=0.01)
+    assert [e for e in estimates if isinstance(e, Health)][-1].load is Load.REDUCED
+
+
+def test_swapped_eyes_are_named(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    swapped = [
+        StereoFrame(header=m.header, left=m.right, right=m.left) if isinstance(m, StereoFrame) else m for m in inputs
+    ]
+    found = grounds(run(pipeline(wearer), swapped))
+    assert all(g.status is not Status.VALID for g in found)
+    assert found[-1].reason is Reason.EYES_SWAPPED
+
+
+def test_frames_of_another_size_are_refused_by_name(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    cropped = [
+        StereoFrame(header=m.header, left=m.left[:480], right=m.right[:480]) if isinstance(m, StereoFrame) else m
+        for m in inputs
+    ]
+    assert grounds(run(pipeline(wearer), cropped))[-1].reason is Reason.WRONG_SIZE
+
+
+def test_a_uniform_floor_is_no_ground(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    def grey(message: Input) -> Input:
+        if not isinstance(message, StereoFrame):
+            return message
+        return StereoFrame(header=message.header, left=message.left * 0 + 90, right=message.right * 0 + 90)
+
+    found = grounds(run(pipeline(wearer), [grey(message) for message in inputs]))
+    assert all(g.status is not Status.VALID for g in found)
+    assert found[-1].reason is Reason.LOW_TEXTURE
