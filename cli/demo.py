@@ -43,7 +43,7 @@ def demo(
     from sim_rig.wearer import SimulatedWearer
 
     check_writable(json)
-    configuration = Configuration() if config is None else load_configuration(config)
+    configuration = Configuration(device="demo") if config is None else load_configuration(config)
     if can is not None:
         configuration = msgspec.structs.replace(configuration, can=parse_can(can))
     if zenoh is not None:
