@@ -1,0 +1,296 @@
+"""What the two cameras see: textured ground through real lenses, row by row, blurred, shaded and noisy.
+
+Geometry is exact on a grid of nodes 8 px apart: each node's ray is undistorted and cut with each piece of ground from
+the pose of its own row. Between nodes the homogeneous texture coordinates (s·W, c·W, W) are interpolated and then
+divided; for a pinhole and a still camera they are linear in the pixel, so interpolation is exact there, and what
+remains is the curvature of lens distortion and of the motion within 8 rows (below 0.02 px).
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import GreyImage, Lens
+from sim_rig.gait import FloatArray, Gait, Motion
+from sim_rig.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXEL_M, TILE, canvas
+from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, intrinsics
+from sim_rig.world import Segment, World
+
+_CELL = 8
+_ROWS, _COLUMNS = HEIGHT_PX // _CELL, WIDTH_PX // _CELL
+_REACH_M = 10.0
+_NEAREST_M = 0.05
+_FAR_M = 1e6
+_HORIZON = 1e-3
+
+_BLUR_ROWS, _BLUR_COLUMNS = 6, 5
+_LENS_BLUR_PX = 0.55
+_LEAST_BLUR_PX = 0.3
+_MOST_BLUR_PX = 12.0
+
+_READ_NOISE = 0.9
+_SHOT_NOISE = 0.15  # deviation √(read² + (shot² · grey)): 1.7 grey levels at mid-grey
+_NOISE_MARGIN = 256
+_VIGNETTING = 0.28
+_BACKGROUND = 70
+
+
+@dataclass(frozen=True)
+class Effects:
+    """What may be left out of a picture to measure its geometry."""
+
+    motion_blur: bool = True
+    noise: bool = True
+
+
+class Renderer:
+    """Renders the pairs that one unit sees on one walk. Deterministic in its arguments and `render`'s. Not thread-safe.
+
+    The cameras must look downwards: a ray above the horizon sees nothing.
+    """
+
+    def __init__(self, unit: Unit, world: World, gait: Gait, seed: int, effects: Effects | None = None) -> None:
+        self._world = world
+        self._gait = gait
+        self._seed = seed
+        self._effects = effects or Effects()
+        stereo = unit.stereo
+        R_BL, p_BL = np.array(unit.X_BL.R), np.array(unit.X_BL.p_m)
+        R_RL, p_RL = np.array(stereo.X_RL.R), np.array(stereo.X_RL.p_m)
+        R_BR = R_BL @ R_RL.T
+        self._eyes = (
+            _Eye(stereo.left, R_BL, p_BL, unit.gain[0]),
+            _Eye(stereo.right, R_BR, p_BL - R_BR @ p_RL, unit.gain[1]),
+        )
+        rows = _node_pixels(_ROWS)
+        self._row_ns = np.rint((rows - (HEIGHT_PX - 1) / 2) * stereo.row_time_s * 1e9).astype(np.int64)
+        rng = np.random.default_rng([seed, 3])
+        shape = (HEIGHT_PX + _NOISE_MARGIN, WIDTH_PX + _NOISE_MARGIN)
+        self._noise = rng.standard_normal(shape, dtype=np.float32)
+        self._deviation = np.sqrt(_READ_NOISE**2 + _SHOT_NOISE**2 * np.arange(256)).astype(np.float32)
+        self._picture = np.empty((HEIGHT_PX, WIDTH_PX), np.uint8)
+
+    def render(self, t_ns: int, exposure_s: float, index: int, left: GreyImage, right: GreyImage) -> None:
+        """Fill `left` and `right` (720, 1280) with the pair whose middle row is at mid-exposure at `t_ns`.
+
+        `index` is the frame's number: it draws the noise.
+        """
+        motion = self._gait.at(t_ns + self._row_ns)
+        x_m = float(motion.p_WB_m[:, 0].min())
+        ground = list(self._world.between(x_m + _NEAREST_M, x_m + _REACH_M))[::-1]
+        rng = np.random.default_rng([self._seed, 4, index])
+        for eye, picture in zip(self._eyes, (left, right), strict=True):
+            view = _View(eye, motion)
+            self._picture.fill(_BACKGROUND)
+            for segment in ground:  # far to near: along any ray that goes forward the nearest piece is drawn last
+                view.draw(segment, self._picture)
+            sharp = cv2.GaussianBlur(self._picture, (3, 3), _LENS_BLUR_PX)
+            blurred = view.blur(sharp, exposure_s) if self._effects.motion_blur else sharp  # type: ignore[arg-type]
+            cv2.multiply(blurred, eye.shade, dst=picture, scale=eye.gain / 255)
+            if self._effects.noise:
+                row, column = rng.integers(0, _NOISE_MARGIN, 2)
+                field = self._noise[row : row + HEIGHT_PX, column : column + WIDTH_PX]
+                noise = cv2.multiply(cv2.LUT(picture, self._deviation), field)
+                cv2.add(picture, noise, dst=picture, dtype=cv2.CV_8U)
+
+
+class _Eye:
+    """One raw camera E: its pose in B, its rays at the nodes (rows, columns, 3) with z = 1, its shading."""
+
+    def __init__(self, lens: Lens, R_BE: FloatArray, p_BE_m: FloatArray, gain: float) -> None:
+        self.R_BE, self.p_BE_m, self.gain = R_BE, p_BE_m, gain
+        self.rays_E = undistorted_rays(lens, _node_pixels(_COLUMNS), _node_pixels(_ROWS))
+        u, v = np.arange(WIDTH_PX) - lens.cx_px, np.arange(HEIGHT_PX) - lens.cy_px
+        radius2 = (u[None] ** 2 + v[:, None] ** 2) / (WIDTH_PX / 2) ** 2
+        self.shade: GreyImage = np.rint(255 * (1 - _VIGNETTING * radius2 / radius2.max())).astype(np.uint8)
+
+    def px_per_ray(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> FloatArray:
+        """Return (…, 2, 2): how far a pixel moves for a small change of its ray's x and y, at these nodes."""
+        across = self.rays_E[rows, columns + 1] - self.rays_E[rows, columns - 1]
+        down = self.rays_E[rows + 1, columns] - self.rays_E[rows - 1, columns]
+        ray_per_px = np.stack((across, down), axis=-1)[..., :2, :] / (2 * _CELL)
+        return np.linalg.inv(ray_per_px).astype(np.float64)
+
+
+class _View:
+    """One eye at one frame: where each node's row of the sensor was, and where its rays went."""
+
+    def __init__(self, eye: _Eye, motion: Motion) -> None:
+        self._eye = eye
+        self._motion = motion
+        self._R_WE = motion.R_WB @ eye.R_BE
+        self._o_W = motion.p_WB_m + motion.R_WB @ eye.p_BE_m
+        self._d_W = eye.rays_E @ self._R_WE.transpose(0, 2, 1)
+        self._blur_rows, self._blur_columns = np.ix_(
+            ((np.arange(_BLUR_ROWS) + 0.5) * _ROWS / _BLUR_ROWS).astype(int) + 1,
+            ((np.arange(_BLUR_COLUMNS) + 0.5) * _COLUMNS / _BLUR_COLUMNS).astype(int) + 1,
+        )
+        self._depth_m = np.full((_BLUR_ROWS, _BLUR_COLUMNS), np.inf)
+
+    def draw(self, segment: Segment, picture: GreyImage) -> None:
+        """Draw what of `segment` faces this eye over `picture`."""
+        length_m = segment.length_m
+        along_x, along_z = (segment.x1_m - segment.x0_m) / length_m, (segment.z1_m - segment.z0_m) / length_m
+        ox, oz = self._o_W[:, 0, None] - segment.x0_m, self._o_W[:, 2, None] - segment.z0_m
+        above_m = along_x * oz - along_z * ox
+        if above_m.min() <= 0:
+            return
+        # A ray o + λd meets the plane at λ = above / W, W = −n·d; s and c are homogeneous with W.
+        dx, dy, dz = self._d_W[..., 0], self._d_W[..., 1], self._d_W[..., 2]
+        W = along_z * dx - along_x * dz
+        S = (along_x * ox + along_z * oz) * W + above_m * (along_x * dx + along_z * dz)
+        C = -(self._o_W[:, 1, None] * W + above_m * dy)
+        ahead = W > _HORIZON
+        W_ahead = np.where(ahead, W, 1.0)
+        s_m = np.where(ahead, S / W_ahead, _FAR_M)
+
+        seen = _cells_touching(s_m, length_m)
+        if not seen.any():
+            return
+        rows, columns = np.nonzero(seen)
+        top, bottom = int(rows.min()), int(rows.max()) + 1
+        left, right = int(columns.min()), int(columns.max()) + 1
+        c_m = C / W_ahead
+        self._note_depth(s_m, above_m / W_ahead, length_m)
+
+        rows_texels = max(1, round(length_m / TEXEL_M / 2**MAX_LEVEL)) << MAX_LEVEL
+        texel_m = length_m / rows_texels  # stretched so that both ends of the piece fall on texels at every level
+        middle = (left + right) // 2
+        levels = np.stack(
+            (
+                _levels(s_m, top, bottom, middle, texel_m),
+                _levels(c_m, top, bottom, middle, TEXEL_M),
+            )
+        )
+        changes = np.flatnonzero((np.diff(levels) != 0).any(axis=0)) + 1
+        for begin, end in zip((0, *changes), (*changes, bottom - top), strict=True):
+            row_level, column_level = (int(level) for level in levels[:, begin])
+            nodes = (slice(top + begin, top + end + 2), slice(left, right + 2))
+            touched = cv2.dilate(seen[nodes[0].start : nodes[0].stop - 2, left:right].astype(np.uint8), np.ones((3, 3)))
+            c_seen = c_m[nodes[0].start + 1 : nodes[0].stop - 1, left + 1 : right + 1][touched > 0]
+            origin, column_level = _column_origin(float(c_seen.min()), float(c_seen.max()), column_level)
+            W_band = W[nodes]
+            surface = canvas(segment.texture, rows_texels, segment.texture_phase, row_level, column_level)
+            _paint(
+                surface,
+                C[nodes] / (TEXEL_M * 2**column_level) - origin * W_band,
+                S[nodes] / (texel_m * 2**row_level),
+                W_band,
+                picture[(top + begin) * _CELL : (top + end) * _CELL, left * _CELL : right * _CELL],
+            )
+
+    def blur(self, sharp: GreyImage, exposure_s: float) -> GreyImage:
+        """Return the picture smeared along each of 6×5 tiles' own image motion during the exposure."""
+        motion_px = self._image_motion() * exposure_s
+        height, width = HEIGHT_PX // _BLUR_ROWS, WIDTH_PX // _BLUR_COLUMNS
+        blurred: GreyImage = sharp.copy()
+        for i, j in np.ndindex(_BLUR_ROWS, _BLUR_COLUMNS):
+            kernel = _line_kernel(motion_px[i, j])
+            if kernel is None:
+                continue
+            pad = kernel.shape[0] // 2
+            top, left = i * height, j * width
+            above, before = min(pad, top), min(pad, left)
+            padded = sharp[top - above : top + height + pad, left - before : left + width + pad]
+            smeared = cv2.filter2D(padded, -1, kernel)
+            blurred[top : top + height, left : left + width] = smeared[above : above + height, before : before + width]
+        return blurred
+
+    def _note_depth(self, s_m: FloatArray, depth_m: FloatArray, length_m: float) -> None:
+        s_m, depth_m = s_m[self._blur_rows, self._blur_columns], depth_m[self._blur_rows, self._blur_columns]
+        hit = (s_m >= 0) & (s_m <= length_m)
+        self._depth_m[hit] = np.minimum(self._depth_m, depth_m)[hit]
+
+    def _image_motion(self) -> FloatArray:
+        """Return the velocity (rows, columns, 2) in px/s of the ground seen at each tile's centre: −ω×P − v in E."""
+        rows = self._blur_rows[:, 0]
+        motion, eye = self._motion, self._eye
+        w_B = motion.w_WB_B_radps[rows]
+        v_W = motion.v_WB_mps[rows] + np.einsum("nij,nj->ni", motion.R_WB[rows], np.cross(w_B, eye.p_BE_m))
+        w_E = w_B @ eye.R_BE
+        v_E = np.einsum("nij,ni->nj", self._R_WE[rows], v_W)
+        rays = eye.rays_E[self._blur_rows, self._blur_columns]
+        rate = -np.cross(w_E[:, None], rays) - v_E[:, None] / self._depth_m[..., None]
+        motion_xy = rate[..., :2] - rays[..., :2] * rate[..., 2:]
+        motion_px: FloatArray = np.einsum(
+            "rcij,rcj->rci", eye.px_per_ray(self._blur_rows, self._blur_columns), motion_xy
+        )
+        return motion_px
+
+
+def undistorted_rays(lens: Lens, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
+    """Return (len(v), len(u), 3): rays with z = 1 through the raw pixels at columns `u_px` and rows `v_px`."""
+    pixels = np.stack(np.meshgrid(u_px, v_px), axis=-1).reshape(-1, 1, 2)
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+    xy = cv2.undistortPoints(pixels, intrinsics(lens), np.array(lens.distortion), criteria=criteria)
+    xy = xy.reshape(len(v_px), len(u_px), 2)
+    return np.concatenate((xy, np.ones((*xy.shape[:2], 1))), axis=-1)
+
+
+def _node_pixels(cells: int) -> FloatArray:
+    """Return the pixel of each node: the middle of each cell and of one more on either side, as cv2.resize has it."""
+    return np.arange(-1, cells + 1, dtype=np.float64) * _CELL + (_CELL - 1) / 2
+
+
+def _cells_touching(s_m: FloatArray, length_m: float) -> NDArray[np.bool_]:
+    """Return (rows, columns) of cells: whether any s within the cell or its neighbours' nodes lies on the piece."""
+    s32, kernel = s_m.astype(np.float32), np.ones((3, 3))
+    touching: NDArray[np.bool_] = (cv2.dilate(s32, kernel) > 0) & (cv2.erode(s32, kernel) < length_m)
+    return touching[1:-1, 1:-1]
+
+
+def _levels(position_m: FloatArray, top: int, bottom: int, column: int, texel_m: float) -> NDArray[np.int64]:
+    """Return (bottom − top,) the reduction at which a texel is about as large as a pixel, row of cells by row."""
+    nodes = position_m[top : bottom + 2, column : column + 3]
+    down = nodes[2:, 1] - nodes[:-2, 1]
+    across = nodes[1:-1, 2] - nodes[1:-1, 0]
+    footprint_m = np.hypot(down, across) / (2 * _CELL)
+    level = np.rint(np.log2(np.clip(footprint_m / texel_m, 1.0, 2.0**MAX_LEVEL)))
+    return level.astype(np.int64)
+
+
+def _column_origin(c_from_m: float, c_to_m: float, level: int) -> tuple[int, int]:
+    """Return the canvas column, a whole number of tiles, to count from, and the level whose canvas is wide enough."""
+    while True:
+        texel_m, tile = TEXEL_M * 2**level, TILE >> level
+        origin = int(np.floor((c_from_m / texel_m - 1) / tile)) * tile
+        if level == MAX_LEVEL or c_to_m / texel_m + 1 - origin < tile + CANVAS_COLUMNS:
+            return origin, level
+        level += 1
+
+
+def _paint(surface: GreyImage, C: FloatArray, S: FloatArray, W: FloatArray, picture: GreyImage) -> None:
+    """Draw `surface` where its homogeneous coordinates fall inside it; elsewhere `picture` stays as it is."""
+    size = ((W.shape[1]) * _CELL, (W.shape[0]) * _CELL)
+    inside = (slice(_CELL, -_CELL), slice(_CELL, -_CELL))
+    c, s, w = (cv2.resize(n.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)[inside] for n in (C, S, W))
+    cv2.remap(
+        surface,
+        cv2.divide(c, w),
+        cv2.divide(s, w),
+        cv2.INTER_LINEAR,
+        dst=picture,
+        borderMode=cv2.BORDER_TRANSPARENT,
+    )
+
+
+def _line_kernel(motion_px: FloatArray) -> NDArray[np.float32] | None:
+    """Return a box along `motion_px` (2,), centred, of sum 1; None where it is too short to matter."""
+    length_px = float(np.hypot(*motion_px))
+    if length_px < _LEAST_BLUR_PX:
+        return None
+    motion_px = motion_px * min(1.0, _MOST_BLUR_PX / length_px)
+    radius = int(np.ceil(np.abs(motion_px).max() / 2))
+    samples = 4 * radius + 1
+    along = (np.arange(samples) + 0.5) / samples - 0.5
+    kernel = np.zeros((2 * radius + 1, 2 * radius + 1), np.float32)
+    at = along[:, None] * motion_px + radius
+    whole = np.clip(np.floor(at), 0, max(2 * radius - 1, 0)).astype(int)
+    part = at - whole
+    for dv in (0, 1):
+        for du in (0, 1):
+            weight = np.abs(1 - du - part[:, 0]) * np.abs(1 - dv - part[:, 1]) / samples
+            np.add.at(kernel, (whole[:, 1] + dv, whole[:, 0] + du), weight)
+    return kernel

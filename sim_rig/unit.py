@@ -1,0 +1,144 @@
+"""One GaitEyes unit as it was built, and the calibration file that its maker would have written for it.
+
+Frames: B the IMU, fixed midway between the cameras; nominally x along the cameras' optical axes, y to the wearer's
+left, z up out of the camera's top (so 45° of pitch tilts B as a whole). L, R the raw cameras.
+
+Lens and pair tolerances follow eight factory calibrations of ZED cameras at 1280×720: f 698.6 ± 2.3 px,
+k1 −0.174 ± 0.005, k2 0.027 ± 0.002, p1, p2 within ±0.0005, baseline 120.0 mm; principal points and pair rotations are
+kept to the better half of what those files show.
+"""
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from messages import Calibration, ImuCalibration, Lens, Matrix3, Pose, Residual, StereoCalibration, Vec3
+from sim_rig.chip_unit import ChipUnit, draw_chip_unit
+
+WIDTH_PX, HEIGHT_PX = 1280, 720
+STANDARD_GRAVITY_MPS2 = 9.80665
+R_BL_NOMINAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+RESIDUAL = Residual(
+    specific_force_mps2=1.5e-3 * STANDARD_GRAVITY_MPS2,
+    scale=0.0005,
+    toe_in_rad=float(np.deg2rad(0.01)),
+    camera_to_imu_rad=float(np.deg2rad(0.05)),
+    time_s=0.5e-3,
+)
+"""One standard deviation of what calibration leaves behind, per axis."""
+
+_ROW_TIME_S = 16.0e-3 / HEIGHT_PX
+_HALF_BASELINE_M = 0.060
+
+
+@dataclass(frozen=True)
+class Unit:
+    """The true values of one unit. `gain` is the brightness of the left and the right eye."""
+
+    name: str
+    chip: ChipUnit
+    stereo: StereoCalibration
+    X_BL: Pose
+    gain: tuple[float, float]
+
+    def exact_calibration(self) -> Calibration:
+        """Return the true values as a calibration, with no residual."""
+        return Calibration(
+            unit=self.name,
+            imu=ImuCalibration(
+                sf_matrix=_matrix(_inverse(self.chip.sf_matrix)),
+                sf_bias_mps2=_vector(self.chip.sf_bias_mps2),
+                w_matrix=_matrix(_inverse(self.chip.w_matrix)),
+                w_bias_radps=_vector(self.chip.w_bias_radps),
+            ),
+            stereo=self.stereo,
+            X_BL=self.X_BL,
+            residual=Residual(),
+        )
+
+    def calibration(self, rng: np.random.Generator) -> Calibration:
+        """Return what a careful calibration would find: the true values plus one draw of `RESIDUAL`."""
+        exact = self.exact_calibration()
+        replace = msgspec.structs.replace
+
+        def axes(sigma: float) -> NDArray[np.float64]:
+            return rng.normal(0.0, sigma, 3)
+
+        imu = replace(
+            exact.imu,
+            sf_bias_mps2=_vector(self.chip.sf_bias_mps2 + axes(RESIDUAL.specific_force_mps2)),
+            sf_matrix=_matrix(np.diag(1.0 + axes(RESIDUAL.scale)) @ exact.imu.sf_matrix),
+            w_matrix=_matrix(np.diag(1.0 + axes(RESIDUAL.scale)) @ exact.imu.w_matrix),
+        )
+        toe_in = Rotation.from_rotvec([0.0, rng.normal(0.0, RESIDUAL.toe_in_rad), 0.0])
+        X_RL = replace(self.stereo.X_RL, R=_matrix(toe_in.as_matrix() @ self.stereo.X_RL.R))
+        time_s = self.stereo.stamp_to_mid_exposure_s + rng.normal(0.0, RESIDUAL.time_s)
+        mounting = Rotation.from_rotvec(axes(RESIDUAL.camera_to_imu_rad))
+        return replace(
+            exact,
+            imu=imu,
+            stereo=replace(self.stereo, X_RL=X_RL, stamp_to_mid_exposure_s=time_s),
+            X_BL=replace(self.X_BL, R=_matrix(mounting.as_matrix() @ self.X_BL.R)),
+            residual=RESIDUAL,
+        )
+
+
+def draw_unit(seed: int, *, rolling_shutter: bool = True) -> Unit:
+    """Return the unit that `seed` stands for, within the tolerances of the datasheets."""
+    rng = np.random.default_rng([seed, 1])
+
+    def within(limit: float) -> float:
+        return float(np.clip(rng.normal(0.0, limit / 2), -limit, limit))
+
+    def rotation(limit_deg: float) -> NDArray[np.float64]:
+        return Rotation.from_rotvec(np.deg2rad([within(limit_deg) for _ in range(3)])).as_matrix()
+
+    left, right = (
+        Lens(
+            width_px=WIDTH_PX,
+            height_px=HEIGHT_PX,
+            fx_px=(f_px := 698.6 + within(5.0)),
+            fy_px=f_px,
+            cx_px=(WIDTH_PX - 1) / 2 + within(15.0),
+            cy_px=(HEIGHT_PX - 1) / 2 + within(15.0),
+            distortion=(-0.174 + within(0.01), 0.027 + within(0.004), within(0.0004), within(0.0008), 0.0),
+        )
+        for _ in range(2)
+    )
+    stereo = StereoCalibration(
+        left=left,
+        right=right,
+        X_RL=Pose(
+            R=_matrix(rotation(0.3)),
+            p_m=(-2 * _HALF_BASELINE_M + within(0.0003), within(0.00005), within(0.0003)),
+        ),
+        row_time_s=_ROW_TIME_S if rolling_shutter else 0.0,
+        stamp_to_mid_exposure_s=-0.012 + within(0.004),
+    )
+    X_BL = Pose(
+        R=_matrix(rotation(1.5) @ R_BL_NOMINAL),
+        p_m=(within(0.003), _HALF_BASELINE_M + within(0.003), within(0.003)),
+    )
+    gain = (1.0 + within(0.03), 1.0 + within(0.03))
+    return Unit(name=f"rig-{seed}", chip=draw_chip_unit(rng), stereo=stereo, X_BL=X_BL, gain=gain)
+
+
+def intrinsics(lens: Lens) -> NDArray[np.float64]:
+    """Return the pinhole matrix K (3, 3)."""
+    return np.array([[lens.fx_px, 0.0, lens.cx_px], [0.0, lens.fy_px, lens.cy_px], [0.0, 0.0, 1.0]])
+
+
+def _inverse(M: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.linalg.inv(M).astype(np.float64)
+
+
+def _vector(v: NDArray[np.float64]) -> Vec3:
+    return (float(v[0]), float(v[1]), float(v[2]))
+
+
+def _matrix(M: NDArray[np.float64]) -> Matrix3:
+    return (_vector(M[0]), _vector(M[1]), _vector(M[2]))

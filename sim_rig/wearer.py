@@ -1,0 +1,154 @@
+"""A simulated person who wears one unit: devices for the daemon, frames for a test, and the truth about both."""
+
+import heapq
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from drivers.mpu6050 import Mpu6050
+from drivers.mpu6050_settings import Mpu6050Settings
+from drivers.stereo_source import FramePair
+from messages import Calibration, GroundTruth, ImuSample, StereoFrame, Tick
+from sim_rig.i2c_bus import I2cWires, SimulatedI2cBus
+from sim_rig.mpu6050_chip import Mpu6050Chip
+from sim_rig.rig_camera import RigCamera, Scene
+from sim_rig.scenario import Scenario
+from sim_rig.shutter import Shutter
+from sim_rig.truth import TruthSource
+from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, draw_unit
+
+_IMU_ADDRESS = 0x68
+_IMU_POLL_NS = 5_000_000
+_POLL_LATENESS_S = 0.15e-3
+_TICK_NS = 10_000_000
+_BOOT_NS = 500_000_000
+
+
+class SimulatedWearer:
+    """One wearer, who stands until `start_ns` (CLOCK_MONOTONIC) and then walks `scenario`, lap after lap.
+
+    Everything follows from `seed` and `scenario`; `start_ns` only says when. `calibration` is all that the daemon may
+    know of the unit: the true values plus one draw of the residual it states, or the true values alone.
+    The camera's process takes a second or two to start, so `start_ns` is best set about 3 s ahead.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        scenario: Scenario,
+        start_ns: int,
+        perfect_calibration: bool = False,
+        *,
+        rolling_shutter: bool = True,
+    ) -> None:
+        self.scenario = scenario
+        self.unit: Unit = draw_unit(seed, rolling_shutter=rolling_shutter)
+        self.calibration: Calibration = (
+            self.unit.exact_calibration()
+            if perfect_calibration
+            else self.unit.calibration(np.random.default_rng([seed, 6]))
+        )
+        self._scene = Scene(self.unit, scenario, seed, start_ns)
+        self._shutter = Shutter(self.unit, self.calibration, seed, start_ns)
+        self.gait = self._scene.gait()
+        self._truth = TruthSource(self.unit, scenario.world, self.gait)
+        self._seed = seed
+        self._start_ns = start_ns
+        self._camera: RigCamera | None = None
+        self._wires: I2cWires | None = None
+
+    @property
+    def wires(self) -> I2cWires:
+        """The I2C wires of the IMU, in real time; faults are made here."""
+        if self._wires is None:
+            self._wires = self._wired_chip(time.monotonic_ns, time.sleep)
+        return self._wires
+
+    def imu_bus(self) -> SimulatedI2cBus:
+        """Return a new handle on the wires, as a driver opens one; the chip is at address 0x68."""
+        return self.wires.open()
+
+    def camera(self) -> RigCamera:
+        """Return the camera, in real time; its process starts now."""
+        if self._camera is None:
+            self._camera = RigCamera(self._scene, self._shutter)
+        return self._camera
+
+    def truth(self, t_exposure_ns: int, ahead_m: float = 0.7, half_length_m: float = 0.3) -> GroundTruth:
+        """Return the truth of the frame whose header says `t_exposure_ns`, for the foothold `ahead_m` along x of H.
+
+        `transition` is whether the ground within `half_length_m` before and behind the foothold has an edge.
+        """
+        return self._truth.at(self._shutter.true_of(t_exposure_ns), t_exposure_ns, ahead_m, half_length_m)
+
+    def frames(self, count: int, first: int = 0) -> Iterator[tuple[StereoFrame, GroundTruth]]:
+        """Yield frames `first`, `first` + 1 … with their truth, as fast as they can be rendered in this process."""
+        renderer = self._scene.renderer()
+        for k in range(first, first + count):
+            left, right = np.empty((2, HEIGHT_PX, WIDTH_PX), np.uint8)
+            renderer.render(self._shutter.true_ns(k), self._shutter.exposure_s(k), k, left, right)
+            frame = FramePair(left, right).frame(self._shutter.header(k))
+            yield frame, self.truth(frame.header.t_exposure_ns)
+
+    def offline_inputs(self, seconds: float) -> Iterator[ImuSample | Tick | StereoFrame]:
+        """Yield what the pipeline would be given in the first `seconds`, in order of arrival, without waiting.
+
+        The real driver polls the simulated chip on a simulated clock, every 5 ms but for a thread's lateness, from a
+        quarter of a second before the start on; ticks come every 10 ms, frames when they are due. Nothing is lost.
+        """
+        clock = _SimulatedClock(self._start_ns - _BOOT_NS)
+        wires = self._wired_chip(clock, clock.sleep)
+        imu = Mpu6050(wires.open, settings=Mpu6050Settings(), clock=clock, sleep=clock.sleep)
+        imu.open()
+        end_ns = self._start_ns + round(seconds * 1e9)
+        due_frames = 0
+        while self._shutter.due_ns(due_frames) < end_ns:
+            due_frames += 1
+        frames = self.frames(due_frames)
+        agenda = heapq.merge(
+            ((t_ns, "poll") for t_ns in self._poll_times_ns(clock(), end_ns)),
+            ((t_ns, "tick") for t_ns in range(self._start_ns, end_ns, _TICK_NS)),
+            ((self._shutter.due_ns(k), "frame") for k in range(due_frames)),
+        )
+        for t_ns, event in agenda:
+            clock.advance_to(t_ns)
+            if event == "poll":
+                yield from imu.read()
+            elif event == "tick":
+                yield Tick(t_ns=t_ns)
+            else:
+                frame, _ = next(frames)
+                yield frame
+        imu.close()
+
+    def close(self) -> None:
+        """End the camera's process, if it was started."""
+        if self._camera is not None:
+            self._camera.close()
+
+    def _poll_times_ns(self, from_ns: int, to_ns: int) -> list[int]:
+        beats = np.arange(from_ns, to_ns, _IMU_POLL_NS)
+        lateness_s = np.random.default_rng([self._seed, 7]).exponential(_POLL_LATENESS_S, len(beats))
+        times_ns: list[int] = np.sort(beats + (lateness_s * 1e9).astype(np.int64)).tolist()
+        return times_ns
+
+    def _wired_chip(self, clock: Callable[[], int], sleep: Callable[[float], None]) -> I2cWires:
+        chip = Mpu6050Chip(self.gait.imu, self.unit.chip, clock, self._seed)
+        return I2cWires({_IMU_ADDRESS: chip}, elapse=sleep)
+
+
+class _SimulatedClock:
+    """Nanoseconds that pass only when told to."""
+
+    def __init__(self, now_ns: int) -> None:
+        self._now_ns = now_ns
+
+    def __call__(self) -> int:
+        return self._now_ns
+
+    def sleep(self, seconds: float) -> None:
+        self._now_ns += round(max(0.0, seconds) * 1e9)
+
+    def advance_to(self, t_ns: int) -> None:
+        self._now_ns = max(self._now_ns, t_ns)
