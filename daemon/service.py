@@ -43,7 +43,8 @@ from messages import (
 log = logging.getLogger("gaiteyes")
 
 TICK_NS = 10_000_000
-IMU_POLL_NS = 5_000_000
+IMU_POLL_NS = 4_700_000
+"""Off any simple ratio to the chip's 10 ms, so that polls fall at all phases of it: the sample clock lives on that."""
 REOPEN_PAUSE_S = 0.2
 RELAX_AFTER_S = 5.0
 

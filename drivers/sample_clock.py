@@ -1,0 +1,256 @@
+"""When did the chip take its samples? Bounds from polling, intersected until they are tight.
+
+The host only ever learns that, at some instant of a transfer, the chip's newest sample was number k. That bounds the
+instants t_k of two samples, with no assumption on how late a poll or a thread was:
+
+    t_k ≤ end of the transfer            t_k+1 > its beginning
+
+The samples lie on a line t_k = t_0 + k·T. For a period T all bounds together leave t_0 the corridor
+
+    [L(T), U(T)],   L(T) = max(begin_k − k·T),   U(T) = min(end_k − k·T)
+
+whose width is concave in T. So the possible periods are one interval, found by bisection, and within some seconds
+of polls at all phases it shrinks to parts in 10⁵. The estimate is the middle of the interval and of the corridor
+there; the ends of both say which samples are surely, possibly or surely not complete at a given time.
+
+Samples count from 1; times are integer nanoseconds of one host clock. The module reads no clock.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+_WINDOW_S = 10.0  # longer averages more, shorter follows the crystal's drift with temperature
+_PERIOD_TOLERANCE = 0.04
+_SLACK = 0.02  # of a period: what the line may bend within the window; 0.17 ms at 14 ppm a second
+_CONTRADICTION = 0.10  # of a period: bounds that exclude each other by twice this belong to two lines
+_FIT_EVERY = 25  # samples
+_FIT_EACH_UNTIL = 100  # samples after a start
+_BISECTIONS = 20
+
+
+class _Bounds:
+    """The newest bounds, at most one for each sample, in a ring."""
+
+    def __init__(self, size: int) -> None:
+        self._index = np.full(size, -1, dtype=np.int64)
+        self._t_ns = np.zeros(size, dtype=np.int64)
+
+    def put(self, index: int, t_ns: int) -> None:
+        slot = index % self._index.size
+        self._index[slot] = index
+        self._t_ns[slot] = t_ns
+
+    def clear(self) -> None:
+        self._index[:] = -1
+
+    def relative_to(self, index: int, t_ns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return (n,) sample offsets and (n,) times in ns, of the bounds within one window before `index`."""
+        used = self._index > max(-1, index - self._index.size)
+        return (self._index[used] - index).astype(np.float64), (self._t_ns[used] - t_ns).astype(np.float64)
+
+
+@dataclass(frozen=True)
+class _Corridor:
+    """All bounds, in samples and ns relative to the newest sample and to some instant."""
+
+    k_upper: NDArray[np.float64]
+    t_upper: NDArray[np.float64]
+    k_lower: NDArray[np.float64]
+    t_lower: NDArray[np.float64]
+
+    def at(self, period_ns: float) -> tuple[float, float]:
+        """Return L and U of the newest sample's instant; L > U if this period is impossible."""
+        lower = np.max(self.t_lower - self.k_lower * period_ns)
+        return float(lower), float(np.min(self.t_upper - self.k_upper * period_ns))
+
+    def is_possible(self, period_ns: float) -> bool:
+        lower, upper = self.at(period_ns)
+        return lower <= upper
+
+    def widest(self, shortest_ns: float, longest_ns: float) -> float:
+        """Return a possible period, or if there is none the one where the bounds exclude each other least."""
+        while True:
+            period_ns = 0.5 * (shortest_ns + longest_ns)
+            if longest_ns - shortest_ns < 1e-9 * period_ns or self.is_possible(period_ns):
+                return period_ns
+            tightest_upper = np.argmin(self.t_upper - self.k_upper * period_ns)
+            tightest_lower = np.argmax(self.t_lower - self.k_lower * period_ns)
+            if self.k_lower[tightest_lower] > self.k_upper[tightest_upper]:
+                shortest_ns = period_ns
+            else:
+                longest_ns = period_ns
+
+    def last_possible(self, possible_ns: float, limit_ns: float) -> float:
+        """Return the end of the possible periods from one of them towards `limit_ns`."""
+        for _ in range(_BISECTIONS):
+            middle_ns = 0.5 * (possible_ns + limit_ns)
+            if self.is_possible(middle_ns):
+                possible_ns = middle_ns
+            else:
+                limit_ns = middle_ns
+        return limit_ns
+
+
+@dataclass(frozen=True)
+class _Line:
+    """The chip's line as known at sample `index`: the middle, and the earliest and latest that are possible."""
+
+    index: int
+    t_ns: int
+    period_ns: float
+    earliest_ns: float
+    shortest_ns: float
+    latest_ns: float
+    longest_ns: float
+
+    def instant_ns(self, index: int) -> int:
+        return self.t_ns + round((index - self.index) * self.period_ns)
+
+    def latest_instant_ns(self, index: int) -> int:
+        return math.ceil(self.latest_ns + (index - self.index) * self.longest_ns)
+
+    def completed(self, t_ns: int) -> int:
+        return self.index + math.floor((t_ns - self.t_ns) / self.period_ns)
+
+    def surely_completed(self, t_ns: int) -> int:
+        return self.index + math.floor((t_ns - self.latest_ns) / self.longest_ns)
+
+    def possibly_completed(self, t_ns: int) -> int:
+        return self.index + math.floor((t_ns - self.earliest_ns) / self.shortest_ns)
+
+
+class SampleClock:
+    """Estimates the period and phase of a chip's samples from what polling reveals.
+
+    `nominal_period_s` is the period the chip was set to; the true one may differ by up to 4 %.
+    """
+
+    def __init__(self, nominal_period_s: float) -> None:
+        self._nominal_ns = nominal_period_s * 1e9
+        self._period_ns = self._nominal_ns
+        window = math.ceil(_WINDOW_S / nominal_period_s)
+        self._upper = _Bounds(window)
+        self._lower = _Bounds(window)
+        self._line: _Line | None = None
+        self._count = 0
+        self._first_count = 0
+        self._last_stamp_ns: int | None = None
+
+    @property
+    def period_s(self) -> float:
+        """Return the estimated period of the chip."""
+        return self._period_ns * 1e-9
+
+    @property
+    def uncertainty_s(self) -> float:
+        """Return half the span of the newest sample's possible instants; infinite before the first sample."""
+        return math.inf if self._line is None else 0.5e-9 * (self._line.latest_ns - self._line.earliest_ns)
+
+    def pending_at(self, index: int, t_ns: int) -> None:
+        """Learn that sample `index`, the next one, was not complete yet at `t_ns`.
+
+        Left out if it surely should have been: then the chip has stopped, which says nothing about its pace.
+        """
+        if self.missed(index - 1, t_ns) == 0:
+            self._lower.put(index, t_ns)
+
+    def completed_by(self, index: int, t_ns: int) -> None:
+        """Learn that sample `index`, the newest, was complete at `t_ns`; tell first what was pending."""
+        self._upper.put(index, t_ns)
+        self._count = index
+        young = index - self._first_count <= _FIT_EACH_UNTIL
+        if self._line is None or young or index - self._line.index >= _FIT_EVERY:
+            self._fit(t_ns)
+
+    def missed(self, count: int, t_ns: int) -> int:
+        """Return how many samples beyond `count` were surely complete at `t_ns`; 0 before the first sample."""
+        return 0 if self._line is None else max(0, self._line.surely_completed(t_ns) - count)
+
+    def doubt_s(self, count: int, t_ns: int) -> float:
+        """Return how long after `t_ns` it is sure which samples beyond `count` are complete; 0 if it is already."""
+        if self._line is None:
+            return 0.0
+        possible = self._line.possibly_completed(t_ns)
+        if possible <= max(count, self._line.surely_completed(t_ns)):
+            return 0.0
+        return (self._line.latest_instant_ns(possible) - t_ns) * 1e-9
+
+    def completed_at(self, t_ns: int) -> int:
+        """Return the number of the newest sample complete at `t_ns`; the last known one before the first sample."""
+        return self._count if self._line is None else self._line.completed(t_ns)
+
+    def until_mid_period_s(self, t_ns: int) -> float:
+        """Return the time from `t_ns` to the next instant halfway between two samples; 0 before the first sample."""
+        if self._line is None:
+            return 0.0
+        phase = ((t_ns - self._line.t_ns) / self._period_ns) % 1.0
+        return ((0.5 - phase) % 1.0) * self.period_s
+
+    def stamp(self, index: int) -> int:
+        """Return the instant at which sample `index` was complete, in ns; strictly later than the stamp before.
+
+        To be asked in order, each sample once, after the observation that reported it.
+        """
+        if self._line is None:
+            raise ValueError(f"sample {index} was never observed")
+        t_ns = self._line.instant_ns(index)
+        if self._last_stamp_ns is not None:
+            t_ns = max(t_ns, self._last_stamp_ns + round(0.5 * self._period_ns))
+        self._last_stamp_ns = t_ns
+        return t_ns
+
+    def skip_to(self, count: int) -> None:
+        """Continue the same line after the samples up to `count` were discarded unseen."""
+        self._count = count
+
+    def restart(self, count: int, t_ns: int) -> None:
+        """Begin a new line: the chip was restarted and had completed `count` samples, and no more, at `t_ns`."""
+        self._forget(count)
+        self.pending_at(count + 1, t_ns)
+
+    def _forget(self, count: int) -> None:
+        self._upper.clear()
+        self._lower.clear()
+        self._line = None
+        self._count = self._first_count = count
+
+    def _fit(self, t_ns: int) -> None:
+        """Lay the line anew; begin from the newest sample alone if the bounds contradict each other."""
+        k_lower, t_lower = self._lower.relative_to(self._count, t_ns)
+        corridor = _Corridor(*self._upper.relative_to(self._count, t_ns), k_lower, t_lower)
+        if not k_lower.size or not self._lay(corridor, t_ns):
+            self._forget(self._count)
+            self._upper.put(self._count, t_ns)
+            self._lower.put(self._count, t_ns - round(self._nominal_ns))
+            self._fit(t_ns)
+
+    def _lay(self, corridor: _Corridor, t_ns: int) -> bool:
+        """Lay the line through the middle of what is possible; return False if far from possible."""
+        shortest_ns = self._nominal_ns * (1.0 - _PERIOD_TOLERANCE)
+        longest_ns = self._nominal_ns * (1.0 + _PERIOD_TOLERANCE)
+        period_ns = corridor.widest(shortest_ns, longest_ns)
+        if corridor.is_possible(period_ns):
+            shortest_ns = corridor.last_possible(period_ns, shortest_ns)
+            longest_ns = corridor.last_possible(period_ns, longest_ns)
+            period_ns = 0.5 * (shortest_ns + longest_ns)
+        else:
+            shortest_ns = longest_ns = period_ns
+        lower, upper = corridor.at(period_ns)
+        if lower - upper > 2.0 * _CONTRADICTION * self._nominal_ns:
+            return False
+        edges = (*corridor.at(shortest_ns), *corridor.at(longest_ns))
+        slack_ns = _SLACK * self._nominal_ns
+        self._period_ns = period_ns
+        self._line = _Line(
+            index=self._count,
+            t_ns=t_ns + round(0.5 * (lower + upper)),
+            period_ns=period_ns,
+            earliest_ns=t_ns + min(edges) - slack_ns,
+            shortest_ns=shortest_ns,
+            latest_ns=t_ns + max(edges) + slack_ns,
+            longest_ns=longest_ns,
+        )
+        return True
