@@ -10,6 +10,7 @@ from rich.progress import track
 from rich.table import Table
 
 from messages.errors import UserError
+from sim_rig.floor import FloorScore
 from sim_rig.score import Score
 
 T = TypeVar("T")
@@ -45,6 +46,19 @@ def score_table(title: str, scores: dict[str, Score]) -> None:
             for kind, score in scores.items()
         ],
     )
+
+
+def floor_table(title: str, scores: dict[str, FloorScore]) -> None:
+    """Print the errors on a level floor, one column for each attitude that was used."""
+    rows = {
+        "frames": [str(s.frames) for s in scores.values()],
+        "slope ahead, RMS": [f"{s.slope_sagittal_rms_deg:.2f}°" for s in scores.values()],
+        "slope across, RMS": [f"{s.slope_frontal_rms_deg:.2f}°" for s in scores.values()],
+        "angle to the level, RMS": [f"{s.angle_rms_deg:.2f}°" for s in scores.values()],
+        "camera's height": [f"{s.height_mean_m:.4f} m" for s in scores.values()],
+        "minus the true height": [f"{s.height_error_mean_mm:+.1f} mm" for s in scores.values()],
+    }
+    table(title, ["", *scores], [[name, *cells] for name, cells in rows.items()])
 
 
 def write_json(path: Path, facts: Any) -> None:

@@ -9,8 +9,45 @@ import typer
 def replay(
     source: Annotated[Path, typer.Argument(help="An MCAP recording, or a folder in the EuRoC/ASL layout.")],
     out: Annotated[Path | None, typer.Option(help="Write every estimate as one JSON object a line.")] = None,
-    config: Annotated[Path | None, typer.Option(help="Use this configuration, not the recorded one.")] = None,
-    calibration: Annotated[Path | None, typer.Option(help="Use this calibration, not the source's own.")] = None,
+    config: Annotated[Path | None, typer.Option(help="Use this configuration instead of the source's.")] = None,
     json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
 ) -> None:
-    """Replay SOURCE; the same source gives the same bytes."""
+    """Replay SOURCE through the pipeline; the same source gives the same bytes."""
+    import cv2
+
+    from cli.console import check_writable, console, floor_table, score_table, table, write_json
+    from cli.sources import open_source
+    from daemon import replay as replaying
+    from daemon.config import load_configuration
+    from daemon.pipeline import Pipeline
+    from messages import Status, StereoFrame
+    from sim_rig.floor import score_floor
+    from sim_rig.score import Scoreboard
+
+    check_writable(json)
+    cv2.setNumThreads(1)
+    opened = open_source(source, None if config is None else load_configuration(config))
+    foothold = opened.configuration.foothold
+    replayed = replaying.replay(opened.inputs(), Pipeline(opened.calibration, foothold), out)
+    damage = opened.damage()
+
+    valid = sum(ground.status is Status.VALID for ground in replayed.grounds)
+    rows = [[f"{name} estimates", str(count)] for name, count in replayed.estimates.items()]
+    table(opened.title, ["", ""], [*rows, ["ground estimates that are valid", str(valid)]])
+    facts: dict[str, object] = {"estimates": replayed.estimates, "valid": valid, "damage": damage}
+    truth = opened.rig_truth()
+    if truth:
+        board = Scoreboard()
+        for ground in replayed.grounds:
+            if ground.t_exposure_ns in truth:
+                board.add(ground, truth[ground.t_exposure_ns])
+        facts["ground"] = board.summary()
+        score_table("Ground against the recorded truth", board.summary())
+    if opened.poses is not None:
+        frames = (message for message in opened.inputs() if isinstance(message, StereoFrame))
+        facts["floor"] = scores = score_floor(frames, replayed.grounds, opened.poses, opened.calibration, foothold)
+        floor_table("Floor against the truth's level ground at z = 0", scores)
+    if damage is not None:
+        console.print(f"replayed up to the damage: {damage}", style="yellow", soft_wrap=True)
+    if json is not None:
+        write_json(json, facts)

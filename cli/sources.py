@@ -1,0 +1,61 @@
+"""What `gaiteyes replay` reads: a recording with its own calibration, or a folder with sensor files."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+
+from calib.asl_yaml import load_asl_calibration
+from calib.files import check_frame_size, parse_calibration
+from daemon.config import Configuration, parse_configuration
+from drivers.asl_folder import AslFolder
+from drivers.recording import McapRecording
+from messages import Calibration, GroundTruth, Input
+from perception.foothold import FootholdSettings
+from sim_rig.floor import TruePoses
+
+FLOOR_OF_A_FOLDER = FootholdSettings(ahead_m=1.5, half_length_m=0.75, half_width_m=0.75)
+"""A folder's camera hangs nobody knows how: 0.75 to 2.25 m ahead is floor for most that look at one."""
+
+
+class ReplaySource(msgspec.Struct, frozen=True, kw_only=True):
+    """One opened source. `damage` tells, once `inputs` has ended, why it ended early, if it did."""
+
+    title: str
+    calibration: Calibration
+    configuration: Configuration
+    inputs: Callable[[], Iterator[Input]]
+    rig_truth: Callable[[], dict[int, GroundTruth]] = dict
+    poses: TruePoses | None = None
+    damage: Callable[[], str | None] = lambda: None
+
+
+def open_source(path: Path, configuration: Configuration | None) -> ReplaySource:
+    """Return the source at `path`; a given `configuration` takes the place of its own. Raises UserError."""
+    return _folder(path, configuration) if path.is_dir() else _recording(path, configuration)
+
+
+def _recording(path: Path, configuration: Configuration | None) -> ReplaySource:
+    recording = McapRecording(path)
+    return ReplaySource(
+        title=f"{path}, {recording.source.value}, device {recording.device}",
+        calibration=parse_calibration(recording.calibration_text, f"{path}: calibration"),
+        configuration=configuration or parse_configuration(recording.configuration_text, f"{path}: configuration"),
+        inputs=recording.inputs,
+        rig_truth=recording.truth,
+        damage=lambda: recording.damage,
+    )
+
+
+def _folder(path: Path, configuration: Configuration | None) -> ReplaySource:
+    folder = AslFolder(path)
+    calibration = load_asl_calibration(folder.sensor_files, folder.unit)
+    check_frame_size(calibration, folder.width_px, folder.height_px, str(path))
+    truth = folder.truth_attitude()
+    return ReplaySource(
+        title=f"{path}, {folder.width_px}×{folder.height_px}",
+        calibration=calibration,
+        configuration=configuration or Configuration(foothold=FLOOR_OF_A_FOLDER),
+        inputs=folder.inputs,
+        poses=None if truth is None else TruePoses(**truth._asdict()),
+    )
