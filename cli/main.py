@@ -42,3 +42,7 @@ def main() -> None:
 def _told(line: str) -> int:
     print(f"gaiteyes: {line}", file=sys.stderr)
     return 2
+
+
+if __name__ == "__main__":
+    main()

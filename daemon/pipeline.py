@@ -30,6 +30,9 @@ SILENCE_NS = 120_000_000
 
 FRAME_PERIOD_NS = 50_000_000
 
+START_NS = 5_000_000_000
+"""A camera may take this long to deliver its first frame before its silence is called a fault."""
+
 NO_FRAME_SEQ = -1
 
 
@@ -45,6 +48,7 @@ class Pipeline:
         self._load = Load.NORMAL
         self._waiting: StereoFrame | None = None
         self._silent_from_ns: int | None = None
+        self._camera_due_ns: int | None = None
 
     def step(self, message: Input) -> tuple[Estimate, ...]:
         """Take one input, in the order of arrival, and return the estimates that it completes."""
@@ -72,7 +76,7 @@ class Pipeline:
     def _take(self, frame: StereoFrame) -> Iterator[Estimate]:
         if self._waiting is not None:
             yield self._see(self._waiting)
-        self._silent_from_ns = frame.header.t_arrival_ns + SILENCE_NS
+        self._silent_from_ns = self._camera_due_ns = frame.header.t_arrival_ns + SILENCE_NS
         self._waiting = frame
         if self._is_felt(frame):
             yield self._see(frame)
@@ -80,12 +84,12 @@ class Pipeline:
     def _notice(self, t_ns: int) -> Iterator[Estimate]:
         if self._waiting is not None and t_ns - self._waiting.header.t_arrival_ns > LONGEST_WAIT_NS:
             yield self._see(self._waiting)
-        if self._silent_from_ns is None:
-            self._silent_from_ns = t_ns + SILENCE_NS
+        if self._silent_from_ns is None or self._camera_due_ns is None:
+            self._silent_from_ns, self._camera_due_ns = t_ns + SILENCE_NS, t_ns + START_NS
         if t_ns >= self._silent_from_ns:
             self._silent_from_ns += FRAME_PERIOD_NS * (1 + (t_ns - self._silent_from_ns) // FRAME_PERIOD_NS)
-            silence = no_ground(t_ns, NO_FRAME_SEQ, Reason.NO_FRAME, self._foothold.ahead_m, self._calibration_id)
-            yield self._counted(silence)
+            reason = Reason.STARTING if t_ns < self._camera_due_ns else Reason.NO_FRAME
+            yield self._counted(no_ground(t_ns, NO_FRAME_SEQ, reason, self._foothold.ahead_m, self._calibration_id))
         yield from self._health.due(t_ns, self._load)
 
     def _is_felt(self, frame: StereoFrame) -> bool:

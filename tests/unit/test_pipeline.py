@@ -113,6 +113,12 @@ def test_silence_of_the_camera_is_said_twenty_times_a_second(wearer: SimulatedWe
     assert set(gaps_ns) == {50_000_000}
 
 
+def test_a_camera_that_never_comes_is_first_starting_and_then_silent(wearer: SimulatedWearer) -> None:
+    said = grounds(run(pipeline(wearer), [Tick(t_ns=START_NS + k * 10_000_000) for k in range(700)]))
+    assert {g.reason for g in said if g.t_exposure_ns < START_NS + 5_000_000_000} == {Reason.STARTING}
+    assert {g.reason for g in said if g.t_exposure_ns >= START_NS + 5_000_000_000} == {Reason.NO_FRAME}
+
+
 def test_a_repeated_or_broken_sample_is_refused_and_counted(wearer: SimulatedWearer, inputs: list[Input]) -> None:
     spoilt: list[Input] = []
     for message in inputs:

@@ -1,0 +1,137 @@
+"""The command as a person uses it: whole processes, real files, one clear line for each mistake."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from drivers.recording import McapRecording
+from messages import StereoFrame
+from tests.ports import free_port
+
+GAITEYES = [sys.executable, "-m", "cli.main"]
+
+
+def gaiteyes(*arguments: object, timeout_s: float = 120.0) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*GAITEYES, *map(str, arguments)], capture_output=True, text=True, timeout=timeout_s, check=False
+    )
+
+
+def endpoint() -> str:
+    return f"tcp/127.0.0.1:{free_port()}"
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the recording and the summary of a short simulated walk."""
+    folder = tmp_path_factory.mktemp("walk")
+    done = gaiteyes(
+        "demo", "--seconds", 7, "--scenario", "level", "--zenoh", endpoint(),
+        "--record", folder / "walk.mcap", "--json", folder / "walk.json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_the_demo_sees_the_ground_and_says_so(walk: Path) -> None:
+    facts = json.loads((walk / "walk.json").read_bytes())
+    assert facts["run"]["imu_lost"] == 0
+    assert facts["run"]["health"]["zenoh_errors"] == 0
+    ground = facts["ground"]["all"]
+    assert ground["frames"] > 20
+    assert ground["valid_share"] > 0.98
+    assert ground["height_rms_mm"] < 15.0
+
+
+def lines_of(path: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in path.read_bytes().splitlines()]
+
+
+def test_two_replays_give_the_same_bytes_and_what_was_said_live(walk: Path, tmp_path: Path) -> None:
+    for name in ("one.jsonl", "two.jsonl"):
+        assert gaiteyes("replay", walk / "walk.mcap", "--out", tmp_path / name).returncode == 0
+    assert (tmp_path / "one.jsonl").read_bytes() == (tmp_path / "two.jsonl").read_bytes()
+    replayed = [line for line in lines_of(tmp_path / "one.jsonl") if line["topic"] == "ground"]
+    live = recorded_grounds(walk / "walk.mcap")
+    assert [line | {"topic": "ground"} for line in live] == replayed
+
+
+def recorded_grounds(path: Path) -> list[dict[str, object]]:
+    from mcap.reader import make_reader
+
+    with path.open("rb") as file:
+        messages = make_reader(file).iter_messages(topics=["ground"], log_time_order=False)
+        return [json.loads(message.data) for _, _, message in messages]
+
+
+def test_a_recording_cut_in_the_middle_replays_up_to_the_damage(walk: Path, tmp_path: Path) -> None:
+    whole = (walk / "walk.mcap").read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: len(whole) // 2])
+    done = gaiteyes("replay", cut, "--out", tmp_path / "cut.jsonl", "--json", tmp_path / "cut.json")
+    assert done.returncode == 0, done.stderr
+    assert str(cut) in json.loads((tmp_path / "cut.json").read_bytes())["damage"]
+    assert "damage" in done.stdout
+    assert len(lines_of(tmp_path / "cut.jsonl")) > 100
+
+
+def test_interrupting_ends_cleanly_and_keeps_the_recording(tmp_path: Path) -> None:
+    path = tmp_path / "walk.mcap"
+    process = subprocess.Popen(
+        [*GAITEYES, "demo", "--seconds", "60", "--zenoh", endpoint(), "--record", str(path)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    deadline_s = time.monotonic() + 60.0
+    while not (path.exists() and path.stat().st_size > 20e6) and time.monotonic() < deadline_s:
+        time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 0, err
+    assert "Traceback" not in err
+    assert "recorded to" in out
+    recording = McapRecording(path)
+    inputs = list(recording.inputs())
+    assert recording.damage is None
+    assert sum(isinstance(message, StereoFrame) for message in inputs) > 5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["replay", "nowhere.mcap"], "nowhere.mcap"),
+        (["replay", "pyproject.toml"], "pyproject.toml"),
+        (["replay", "docs"], "docs: no image in cam0/"),
+        (["demo", "--scenario", "moon"], "moon"),
+        (["demo", "--speed", "9"], "speed is 9.0 m/s, allowed is 0.4 to 2.0 m/s"),
+        (["demo", "--can", "flexray:1"], "CAN 'flexray:1': expected INTERFACE:CHANNEL"),
+        (["demo", "--json", "/nowhere/facts.json"], "/nowhere/facts.json: its folder does not exist"),
+        (["run", "--config", "nowhere.toml"], "nowhere.toml: No such file"),
+        (["evaluate", "rig", "--seeds", "a"], "--seeds a: expected"),
+    ],
+)
+def test_a_mistake_is_one_clear_line(arguments: list[str], line: str) -> None:
+    done = gaiteyes(*arguments)
+    assert done.returncode == 2
+    assert line in done.stderr
+    assert done.stderr.strip().count("\n") == 0
+
+
+def test_run_never_falls_back_to_simulation(tmp_path: Path, walk: Path) -> None:
+    config = tmp_path / "gaiteyes.toml"
+    config.write_text("[imu]\nbus = 250\n")
+    (tmp_path / "calibration.yaml").write_text(McapRecording(walk / "walk.mcap").calibration_text)
+    done = gaiteyes("run", "--config", config)
+    assert done.returncode == 2
+    assert "/dev/i2c-250" in done.stderr
+
+
+def test_help_names_the_commands() -> None:
+    done = gaiteyes("--help")
+    assert done.returncode == 0
+    assert all(command in done.stdout for command in ("run", "demo", "replay", "evaluate"))
