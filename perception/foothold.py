@@ -13,7 +13,7 @@ from perception.stereo import DisparityRange
 FloatArray = NDArray[np.float64]
 
 
-class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True):
     """The rectangle of ground that is measured, and how far up or down it may lie.
 
     The region is centred `ahead_m` along x of H and on the wearer's midline. Before the first plane is known the

@@ -1,0 +1,113 @@
+"""What recording costs: the CPU time of writing two 1280×720 images at 20 fps with all that comes beside them.
+
+    python -m benchmarks.recording [--seconds 60] [--ring S] [--folder DIR]
+
+Frames are offered at their real pace, so that the disk, the page cache and the allocator behave as in the daemon. What
+the kernel takes for the bare writes of the same bytes at the same pace is measured beside it.
+"""
+
+import argparse
+import resource
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from daemon.recorder import Recorder, RecordingInfo
+from messages import FrameHeader, ImuSample, Source, StereoFrame, Tick
+
+WIDTH_PX, HEIGHT_PX = 1280, 720
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--ring", type=float, default=None, help="keep the newest S seconds instead of writing all")
+    parser.add_argument("--folder", type=Path, default=None, help="disk to write to (default: the system's temporary)")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=arguments.folder) as folder:
+        bare = Path(folder) / "bare"
+        print(f"bare writes     {100 * bare_write_share(bare, arguments.seconds):.2f} % of a core, in the kernel")
+        bare.unlink()
+        measure(Path(folder) / "benchmark.mcap", arguments.seconds, arguments.ring)
+
+
+def bare_write_share(path: Path, seconds: float) -> float:
+    """Return the share of a core that writing the same bytes 20 times a second takes without any recorder."""
+    frames = [np.random.default_rng(k).bytes(2 * WIDTH_PX * HEIGHT_PX) for k in range(4)]
+    count, spent_s, start_s = round(seconds * 20), 0.0, time.monotonic()
+    with path.open("wb", buffering=0) as file:
+        for k in range(count):
+            time.sleep(max(0.0, start_s + 0.05 * k - time.monotonic()))
+            begin_s = time.thread_time()
+            file.write(frames[k % 4])
+            spent_s += time.thread_time() - begin_s
+    return spent_s / seconds
+
+
+def measure(path: Path, seconds: float, ring_s: float | None) -> None:
+    rng = np.random.default_rng(1)
+    images = rng.integers(0, 256, (8, HEIGHT_PX, WIDTH_PX), dtype=np.uint8)
+    info = RecordingInfo("benchmark", Source.SIMULATED, "", "")
+    recorder = Recorder(path, info, last_s=ring_s)
+    done = threading.Event()
+    spent_s: list[float] = []
+
+    def write() -> None:
+        while not (done.is_set() and recorder.idle):
+            recorder.drain(timeout_s=0.1)
+        spent_s.append(time.thread_time())
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    offer_s, start_ns = 0.0, time.monotonic_ns()
+    for k in range(round(seconds * 100)):
+        due_ns = start_ns + 10_000_000 * k
+        time.sleep(max(0.0, (due_ns - time.monotonic_ns()) * 1e-9))
+        begin_s = time.thread_time()
+        recorder.offer(Tick(t_ns=due_ns))
+        recorder.offer(_sample(k, due_ns))
+        if k % 5 == 0:
+            recorder.offer(_frame(k // 5, due_ns, images))
+        offer_s += time.thread_time() - begin_s
+    done.set()
+    writer.join()
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    close_s = time.process_time()
+    recorder.close()
+    close_s = time.process_time() - close_s
+    print(f"writer thread   {100 * spent_s[0] / seconds:.2f} % of a core")
+    print(f"offer           {100 * offer_s / seconds:.2f} % of a core (making the messages included)")
+    print(
+        f"close           {close_s:.2f} s of CPU, file {path.stat().st_size / 1e6:.0f} MB, ring {recorder.ring_s:.1f} s"
+    )
+    print(f"dropped         {recorder.dropped}, peak memory {peak_mb:.0f} MB")
+
+
+def _sample(seq: int, t_ns: int) -> ImuSample:
+    return ImuSample(
+        seq=seq,
+        t_sample_ns=t_ns - 5_000_000,
+        t_arrival_ns=t_ns,
+        sf_B_mps2=(0.1, 0.2, 9.81),
+        w_WB_B_radps=(0.01, 0.02, 0.03),
+        temperature_degC=31.0,
+    )
+
+
+def _frame(seq: int, t_ns: int, images: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> StereoFrame:
+    header = FrameHeader(
+        seq=seq,
+        t_exposure_ns=t_ns - 40_000_000,
+        t_arrival_ns=t_ns,
+        exposure_s=0.004,
+        width_px=WIDTH_PX,
+        height_px=HEIGHT_PX,
+    )
+    return StereoFrame(header=header, left=images[seq % 8], right=images[(seq + 1) % 8])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,240 @@
+"""Calibration files: YAML in the spirit of Kalibr's, one unit each, checked on reading and on writing.
+
+The file has the keys of `messages.Calibration`, no others; matrices are nested lists, frames stand in the names.
+Whatever is wrong with one is one line, `file: field …`, with the allowed range.
+"""
+
+import difflib
+import math
+import os
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import get_type_hints
+
+import msgspec
+import numpy as np
+
+from calib.strict_yaml import CalibrationError, format_yaml, parse_yaml, read_text
+from messages import Calibration, Lens, Matrix3, Pose
+
+__all__ = [
+    "CalibrationError",
+    "check_calibration",
+    "check_frame_size",
+    "format_calibration",
+    "load_calibration",
+    "parse_calibration",
+    "save_calibration",
+]
+
+ROTATION_TOLERANCE = 1e-6
+DISTORTION_TERMS = (4, 5, 8, 12, 14)
+BASELINE_M = (0.02, 0.5)
+LONGEST_UNIT_NAME = 64
+
+_SIDE_BY_SIDE = 0.8
+"""The least share of the baseline that lies along the right camera's x axis."""
+
+_LIMITS: dict[str, tuple[float, float]] = {
+    "stereo.left.width_px": (16, 8192),
+    "stereo.left.height_px": (16, 8192),
+    "stereo.left.fx_px": (10.0, 20_000.0),
+    "stereo.left.fy_px": (10.0, 20_000.0),
+    "stereo.right.width_px": (16, 8192),
+    "stereo.right.height_px": (16, 8192),
+    "stereo.right.fx_px": (10.0, 20_000.0),
+    "stereo.right.fy_px": (10.0, 20_000.0),
+    "stereo.row_time_s": (0.0, 1e-4),
+    "stereo.stamp_to_mid_exposure_s": (-0.1, 0.1),
+    "imu.sf_bias_mps2": (-5.0, 5.0),
+    "imu.w_bias_radps": (-1.0, 1.0),
+    "X_BL.p_m": (-1.0, 1.0),
+    "residual.specific_force_mps2": (0.0, 1.0),
+    "residual.scale": (0.0, 0.1),
+    "residual.toe_in_rad": (0.0, 0.1),
+    "residual.camera_to_imu_rad": (0.0, 0.1),
+    "residual.time_s": (0.0, 0.1),
+}
+
+_FINITE = (-sys.float_info.max, sys.float_info.max)
+
+_NEAR_IDENTITY = ("imu.sf_matrix", "imu.w_matrix")
+_MATRIX_TOLERANCE = 0.1
+"""±10 % of scale, 0.1 rad of misalignment: three times the MPU-6050's datasheet limits."""
+
+_HEADING = """\
+# GaitEyes calibration. SI units and pixels. X_AB takes points from frame B to frame A.
+# Frames: B the IMU; L, R the raw left and right cameras (x right, y down, z forward).
+"""
+
+_SEAT = re.compile(r"^(?P<problem>.*?)(?: - at `\$\.?(?P<field>.*)`)?$")
+_MISSING = re.compile(r"^Object missing required field `(.*)`$")
+_INDEX = re.compile(r"\[(\d+)\]")
+
+
+def load_calibration(path: Path) -> Calibration:
+    """Return the calibration that the file holds; raises CalibrationError."""
+    return parse_calibration(read_text(path), str(path))
+
+
+def parse_calibration(text: str, where: str) -> Calibration:
+    """Return the calibration that `text` holds, for instance one embedded in a recording.
+
+    Raises CalibrationError whose line begins with `where`.
+    """
+    document = parse_yaml(text, where)
+    _refuse_unknown_keys(document, Calibration, "", where)
+    _check_ranges(document, where)
+    try:
+        calibration = msgspec.convert(document, Calibration)
+    except msgspec.ValidationError as error:
+        raise CalibrationError(f"{where}: {_reworded(str(error))}") from error
+    _check_geometry(calibration, where)
+    return calibration
+
+
+def save_calibration(path: Path, calibration: Calibration) -> None:
+    """Write the file in one step, so that a reader finds the old one or the new one whole.
+
+    `load_calibration` returns an equal calibration. Raises CalibrationError for values that it would refuse, and
+    where the file cannot be written.
+    """
+    check_calibration(calibration, str(path))
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(format_calibration(calibration), encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        raise CalibrationError(f"{path}: {error.strerror}") from error
+
+
+def format_calibration(calibration: Calibration) -> str:
+    """Return the text of the file."""
+    return _HEADING + format_yaml(msgspec.to_builtins(calibration))
+
+
+def check_calibration(calibration: Calibration, where: str) -> None:
+    """Raise CalibrationError, its line beginning with `where`, if any value is impossible or out of its range."""
+    _check_ranges(msgspec.to_builtins(calibration), where)
+    _check_geometry(calibration, where)
+
+
+def check_frame_size(calibration: Calibration, width_px: int, height_px: int, camera: str) -> None:
+    """Raise CalibrationError unless the calibration is for frames of this size; `camera` names where they come from."""
+    lens = calibration.stereo.left
+    if (lens.width_px, lens.height_px) != (width_px, height_px):
+        raise CalibrationError(
+            f"calibration '{calibration.unit}' is for {lens.width_px}x{lens.height_px} px, "
+            f"{camera} delivers {width_px}x{height_px} px"
+        )
+
+
+def _refuse_unknown_keys(value: object, expected: object, field: str, where: str) -> None:
+    if not (isinstance(value, dict) and isinstance(expected, type) and issubclass(expected, msgspec.Struct)):
+        return
+    types = get_type_hints(expected)
+    for key, item in value.items():
+        path = f"{field}.{key}" if field else str(key)
+        if key not in types:
+            near = difflib.get_close_matches(str(key), types, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"allowed: {', '.join(types)}"
+            raise CalibrationError(f"{where}: {path} is not a known field; {hint}")
+        _refuse_unknown_keys(item, types[key], path, where)
+
+
+def _numbers(value: object, field: str) -> Iterator[tuple[str, float]]:
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from _numbers(item, f"{field}.{key}" if field else str(key))
+    elif isinstance(value, Sequence) and not isinstance(value, str | bytes):
+        for index, item in enumerate(value):
+            yield from _numbers(item, f"{field}[{index}]")
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield field, value
+
+
+def _check_ranges(document: object, where: str) -> None:
+    for field, value in _numbers(document, ""):
+        low, high = _allowed(field)
+        if not low <= value <= high:
+            allowed = "any finite number" if (low, high) == _FINITE else f"{low:g} to {high:g}"
+            raise CalibrationError(f"{where}: {field} is {_shown(value)}, allowed {allowed}")
+
+
+def _allowed(field: str) -> tuple[float, float]:
+    name, *indices = _INDEX.split(field)[0], *_INDEX.findall(field)
+    if name in _NEAR_IDENTITY and len(indices) == 2:
+        ideal = float(indices[0] == indices[1])
+        return ideal - _MATRIX_TOLERANCE, ideal + _MATRIX_TOLERANCE
+    return _LIMITS.get(name, _FINITE)
+
+
+def _shown(value: float) -> str:
+    return f"{value:.9g}" if isinstance(value, float) else f"{value}"
+
+
+def _check_geometry(calibration: Calibration, where: str) -> None:
+    problem = next(_problems(calibration), None)
+    if problem is not None:
+        raise CalibrationError(f"{where}: {problem}")
+
+
+def _problems(calibration: Calibration) -> Iterator[str]:
+    unit, stereo = calibration.unit, calibration.stereo
+    if not (0 < len(unit) <= LONGEST_UNIT_NAME and unit.isprintable()):
+        yield f"unit is {unit!r}, allowed 1 to {LONGEST_UNIT_NAME} printable characters"
+    yield from _lens_problems(stereo.left, "stereo.left")
+    yield from _lens_problems(stereo.right, "stereo.right")
+    left_size, right_size = ((lens.width_px, lens.height_px) for lens in (stereo.left, stereo.right))
+    if left_size != right_size:
+        yield "stereo.right is {}x{} px, stereo.left {}x{} px: both must be equal".format(*right_size, *left_size)
+    yield from _rotation_problems(stereo.X_RL.R, "stereo.X_RL.R")
+    yield from _baseline_problems(stereo.X_RL)
+    yield from _rotation_problems(calibration.X_BL.R, "X_BL.R")
+
+
+def _lens_problems(lens: Lens, field: str) -> Iterator[str]:
+    if len(lens.distortion) not in DISTORTION_TERMS:
+        allowed = ", ".join(str(count) for count in DISTORTION_TERMS)
+        yield f"{field}.distortion has {len(lens.distortion)} terms, allowed {allowed}"
+    for name, value, size_px in (("cx_px", lens.cx_px, lens.width_px), ("cy_px", lens.cy_px, lens.height_px)):
+        if not 0 < value < size_px - 1:
+            yield f"{field}.{name} is {value:.9g}, allowed 0 to {size_px - 1}: inside the image"
+
+
+def _rotation_problems(rows: Matrix3, field: str) -> Iterator[str]:
+    R = np.array(rows)
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = float(np.abs(R.T @ R - np.eye(3)).max())
+    if not error <= ROTATION_TOLERANCE:
+        yield f"{field} is no rotation: off orthonormal by {error:.2g}, allowed up to {ROTATION_TOLERANCE:g}"
+    elif np.linalg.det(R) < 0:
+        yield f"{field} mirrors: its determinant is -1, allowed +1"
+
+
+def _baseline_problems(X_RL: Pose) -> Iterator[str]:
+    field, baseline_m = "stereo.X_RL.p_m", math.hypot(*X_RL.p_m)
+    low_m, high_m = BASELINE_M
+    if not low_m <= baseline_m <= high_m:
+        yield f"{field} has the length {baseline_m:.4g} m, allowed {low_m:g} to {high_m:g} m: the baseline"
+    elif X_RL.p_m[0] > 0:
+        yield (
+            f"{field}[0] is {X_RL.p_m[0]:.4g} m, allowed below 0: left and right are swapped "
+            "(the left camera must lie at negative x of the right one)"
+        )
+    elif -X_RL.p_m[0] < _SIDE_BY_SIDE * baseline_m:
+        yield f"{field}[0] is {X_RL.p_m[0]:.4g} m of a baseline of {baseline_m:.4g} m: the cameras must be side by side"
+
+
+def _reworded(message: str) -> str:
+    """Turn msgspec's `problem - at `$.field`` into `field: problem`."""
+    seat = _SEAT.match(message)
+    if seat is None:
+        return message
+    problem, field = seat["problem"], seat["field"] or ""
+    missing = _MISSING.match(problem)
+    if missing is not None:
+        return f"{field}.{missing[1]} is missing".lstrip(".")
+    return f"{field or 'the file'}: {problem[0].lower()}{problem[1:]}"

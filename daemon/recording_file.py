@@ -1,0 +1,233 @@
+"""One MCAP file being written: channels that Foxglove shows, uncompressed images, one chunk for each stereo frame.
+
+What comes between two frames goes into the chunk of the later one; without frames a chunk ends after a second. So a
+killed process loses what came since the last frame, or the newest second.
+"""
+
+import contextlib
+import logging
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+from foxglove import Channel, Context, Schema, open_mcap
+from foxglove.mcap import MCAPWriteOptions
+from foxglove.messages import RawImage, Timestamp
+
+from drivers.recording import ABOUT, CALIBRATION_FILE, CONFIGURATION_FILE, FORMAT, LEFT_IMAGE, RIGHT_IMAGE
+from messages import (
+    TOPIC_OF,
+    TOPICS,
+    Estimate,
+    FrameHeader,
+    GreyImage,
+    GroundTruth,
+    Input,
+    Source,
+    StereoFrame,
+    UserError,
+)
+from messages.codec import encode, json_schema
+
+log = logging.getLogger("gaiteyes")
+
+Recordable = Input | Estimate | GroundTruth
+
+_HEADER_CHANNEL = TOPIC_OF[FrameHeader].name
+_LARGEST_CHUNK_BYTES = 8 << 20
+_LONGEST_CHUNK_NS = 1_000_000_000
+
+
+class RecordingError(UserError):
+    """A recording cannot be begun. One clear line for a person."""
+
+
+@dataclass(frozen=True)
+class RecordingInfo:
+    """What a recording says about itself: the daemon's name, its data's source and the texts of its two files."""
+
+    device: str
+    source: Source
+    calibration_text: str
+    configuration_text: str
+
+
+class Entry(NamedTuple):
+    """One message as it stands in the file. `log_time_ns` is where Foxglove shows it."""
+
+    channel: str
+    log_time_ns: int
+    data: bytes
+
+
+def entries_of(message: Recordable, log_time_ns: int) -> tuple[Entry, ...]:
+    """Return the entries that hold `message`; images are copied, so that their buffers are free again.
+
+    A stereo frame's header comes last: a reader takes the frame for complete when it meets the header.
+    """
+    if not isinstance(message, StereoFrame):
+        return (Entry(TOPIC_OF[type(message)].name, log_time_ns, encode(message)),)
+    header = message.header
+    return (
+        Entry(LEFT_IMAGE, log_time_ns, _raw_image(header, message.left, "L")),
+        Entry(RIGHT_IMAGE, log_time_ns, _raw_image(header, message.right, "R")),
+        Entry(_HEADER_CHANNEL, log_time_ns, encode(header)),
+    )
+
+
+class RecordingFile:
+    """Creates `path` and writes entries into it in the order of the calls.
+
+    A file that exists and is not empty is never overwritten. Raises RecordingError where it cannot be created.
+    A failing disk afterwards never raises: `failed` becomes one line and everything later is thrown away.
+    """
+
+    def __init__(self, path: Path, info: RecordingInfo) -> None:
+        self._disk = _Disk(path)
+        context = self._context = Context()  # kept, because its end closes its channels
+        self._writer = open_mcap(
+            self._disk,
+            context=context,
+            writer_options=MCAPWriteOptions(
+                compression=None,
+                chunk_size=_LARGEST_CHUNK_BYTES,
+                calculate_data_section_crc=False,  # each chunk has its own
+            ),
+        )
+        self._writer.write_metadata(ABOUT, {"format": FORMAT, "device": info.device, "source": info.source.value})
+        for name, text in ((CALIBRATION_FILE, info.calibration_text), (CONFIGURATION_FILE, info.configuration_text)):
+            self._writer.attach(log_time=0, create_time=0, name=name, media_type="text/plain", data=text.encode())
+        self._channels = {
+            topic.name: Channel(
+                topic.name, message_encoding="json", schema=viewer_schema(topic.message), context=context
+            )
+            for topic in TOPICS.values()
+            if topic.message is not StereoFrame
+        }
+        for name in (LEFT_IMAGE, RIGHT_IMAGE):
+            self._channels[name] = Channel(
+                name, message_encoding="protobuf", schema=RawImage.get_schema(), context=context
+            )
+        self._chunk_due_ns = 0
+        self._end_chunk()
+        if self._disk.failed is not None:
+            self.close()
+            raise RecordingError(self._disk.failed)
+
+    @property
+    def failed(self) -> str | None:
+        """Return why writing stopped, or None while all is well."""
+        return self._disk.failed
+
+    def write(self, entries: tuple[Entry, ...]) -> bool:
+        """Write the entries of one message; return False if the disk has failed, now or before."""
+        for channel, log_time_ns, data in entries:
+            self._channels[channel].log(data, log_time=log_time_ns)
+        last = entries[-1]
+        if last.channel == _HEADER_CHANNEL or last.log_time_ns >= self._chunk_due_ns:
+            self._end_chunk()
+            self._chunk_due_ns = last.log_time_ns + _LONGEST_CHUNK_NS
+        return self._disk.failed is None
+
+    def close(self) -> None:
+        """Write the index and close the file."""
+        self._writer.close()
+        self._disk.close()
+
+    def _end_chunk(self) -> None:
+        self._writer.flush()
+        self._disk.mark_sound_end()
+
+
+class _Disk:
+    """The file as the MCAP writer sees it, which must go on as if nothing were wrong: it aborts if it meets an error.
+
+    At the first error the file is cut back to its sound end and left alone; only the position is kept up.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._position = self._end = self._sound_end = 0
+        self.failed: str | None = None
+        try:
+            if path.exists() and path.stat().st_size > 0:
+                raise RecordingError(f"{path}: exists already, and a recording overwrites nothing")
+            self._file = path.open("wb", buffering=0)
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot record here: {error.strerror}") from error
+
+    def write(self, data: bytes | bytearray) -> int:
+        written = len(data)
+        if self.failed is None:
+            try:
+                written = self._file.write(data)
+            except OSError as error:
+                self._fail(error)
+        self._position += written
+        self._end = max(self._end, self._position)
+        return written
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        position = offset + (0, self._position, self._end)[whence]
+        if position != self._position and self.failed is None:
+            self._file.seek(position)
+        self._position = position
+        return position
+
+    def flush(self) -> None:
+        """Do nothing: the file has no buffer."""
+
+    def mark_sound_end(self) -> None:
+        """Declare all that was written so far worth keeping."""
+        self._sound_end = self._end
+
+    def close(self) -> None:
+        try:
+            self._file.close()
+        except OSError as error:
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        self.failed = f"recording {self._path} stopped: {error.strerror}"
+        log.error("%s", self.failed)
+        with contextlib.suppress(OSError):  # the disk may be gone altogether
+            self._file.truncate(self._sound_end)
+
+
+def viewer_schema(message: type[msgspec.Struct]) -> Schema:
+    """Return the JSON Schema of `message` in the few words that Foxglove's reader knows.
+
+    It throws on `$ref`, on a list of types and on `prefixItems`; so references are replaced by what they refer to,
+    `number or null` by `number`, and a tuple by an array. A null is still shown as what it is.
+    """
+    schema = json_schema(TOPIC_OF[message])
+    plain = _plain(schema, schema["$defs"])
+    return Schema(name=f"gaiteyes.{message.__name__}", encoding="jsonschema", data=msgspec.json.encode(plain))
+
+
+def _plain(node: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any]:
+    if "$ref" in node:
+        return _plain(definitions[node["$ref"].rpartition("/")[2]], definitions)
+    if "enum" in node:
+        return {"type": "string", "enum": node["enum"]}
+    if node["type"] == "object":
+        fields = node.get("properties", {})
+        return {"type": "object", "properties": {name: _plain(field, definitions) for name, field in fields.items()}}
+    if node["type"] == "array":
+        return {"type": "array", "items": _plain(node["prefixItems"][0], definitions)}
+    return {"type": "number" if isinstance(node["type"], list) else node["type"]}
+
+
+def _raw_image(header: FrameHeader, image: GreyImage, frame_id: str) -> bytes:
+    seconds, nanoseconds = divmod(max(header.t_exposure_ns, 0), 1_000_000_000)
+    return RawImage(
+        timestamp=Timestamp(sec=seconds, nsec=nanoseconds),
+        frame_id=frame_id,
+        width=image.shape[1],
+        height=image.shape[0],
+        encoding="mono8",
+        step=image.shape[1],
+        data=image.tobytes(),
+    ).encode()
