@@ -4,20 +4,19 @@ The file has the keys of `messages.Calibration`, no others; matrices are nested 
 Whatever is wrong with one is one line, `file: field …`, with the allowed range.
 """
 
-import difflib
 import math
 import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import get_type_hints
 
 import msgspec
 import numpy as np
 
 from calib.strict_yaml import CalibrationError, format_yaml, parse_yaml, read_text
 from messages import Calibration, Lens, Matrix3, Pose
+from messages.checked import checked
 
 __all__ = [
     "CalibrationError",
@@ -69,8 +68,6 @@ _HEADING = """\
 # Frames: B the IMU; L, R the raw left and right cameras (x right, y down, z forward).
 """
 
-_SEAT = re.compile(r"^(?P<problem>.*?)(?: - at `\$\.?(?P<field>.*)`)?$")
-_MISSING = re.compile(r"^Object missing required field `(.*)`$")
 _INDEX = re.compile(r"\[(\d+)\]")
 
 
@@ -82,15 +79,11 @@ def load_calibration(path: Path) -> Calibration:
 def parse_calibration(text: str, where: str) -> Calibration:
     """Return the calibration that `text` holds, for instance one embedded in a recording.
 
-    Raises CalibrationError whose line begins with `where`.
+    Raises UserError whose line begins with `where`; CalibrationError is one.
     """
     document = parse_yaml(text, where)
-    _refuse_unknown_keys(document, Calibration, "", where)
     _check_ranges(document, where)
-    try:
-        calibration = msgspec.convert(document, Calibration)
-    except msgspec.ValidationError as error:
-        raise CalibrationError(f"{where}: {_reworded(str(error))}") from error
+    calibration = checked(document, Calibration, where)
     _check_geometry(calibration, where)
     return calibration
 
@@ -129,19 +122,6 @@ def check_frame_size(calibration: Calibration, width_px: int, height_px: int, ca
             f"calibration '{calibration.unit}' is for {lens.width_px}x{lens.height_px} px, "
             f"{camera} delivers {width_px}x{height_px} px"
         )
-
-
-def _refuse_unknown_keys(value: object, expected: object, field: str, where: str) -> None:
-    if not (isinstance(value, dict) and isinstance(expected, type) and issubclass(expected, msgspec.Struct)):
-        return
-    types = get_type_hints(expected)
-    for key, item in value.items():
-        path = f"{field}.{key}" if field else str(key)
-        if key not in types:
-            near = difflib.get_close_matches(str(key), types, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"allowed: {', '.join(types)}"
-            raise CalibrationError(f"{where}: {path} is not a known field; {hint}")
-        _refuse_unknown_keys(item, types[key], path, where)
 
 
 def _numbers(value: object, field: str) -> Iterator[tuple[str, float]]:
@@ -226,15 +206,3 @@ def _baseline_problems(X_RL: Pose) -> Iterator[str]:
         )
     elif -X_RL.p_m[0] < _SIDE_BY_SIDE * baseline_m:
         yield f"{field}[0] is {X_RL.p_m[0]:.4g} m of a baseline of {baseline_m:.4g} m: the cameras must be side by side"
-
-
-def _reworded(message: str) -> str:
-    """Turn msgspec's `problem - at `$.field`` into `field: problem`."""
-    seat = _SEAT.match(message)
-    if seat is None:
-        return message
-    problem, field = seat["problem"], seat["field"] or ""
-    missing = _MISSING.match(problem)
-    if missing is not None:
-        return f"{field}.{missing[1]} is missing".lstrip(".")
-    return f"{field or 'the file'}: {problem[0].lower()}{problem[1:]}"

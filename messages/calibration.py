@@ -95,5 +95,6 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def id(self) -> str:
-        """Eight hexadecimal digits that change whenever any value does."""
-        return hashlib.sha256(msgspec.json.encode(self)).hexdigest()[:8]
+        """Eight hexadecimal digits that change whenever any value does, the same before and after a file."""
+        plain = msgspec.convert(msgspec.to_builtins(self), Calibration)  # 1 and 1.0 are one value
+        return hashlib.sha256(msgspec.json.encode(plain)).hexdigest()[:8]

@@ -19,18 +19,13 @@ def checked(document: object, kind: type[M], where: str) -> M:
     """Return what `document` (mappings, lists, numbers, strings) says as a `kind`.
 
     Raises UserError, its line beginning with `where`, for an unknown or missing field, a wrong type, or a value
-    outside the field's range.
+    outside the field's range; a mistyped key is not silently ignored.
     """
-    refuse_unknown_keys(document, kind, where)
+    _refuse_unknown_keys(document, inspect.type_info(kind), "", where)
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
         raise UserError(f"{where}: {_reworded(str(error), document, kind)}") from error
-
-
-def refuse_unknown_keys(document: object, kind: type[msgspec.Struct], where: str) -> None:
-    """Raise UserError for the first key that `kind` does not know; a typing error is not silently ignored."""
-    _refuse_unknown_keys(document, inspect.type_info(kind), "", where)
 
 
 def _refuse_unknown_keys(value: object, expected: inspect.Type, path: str, where: str) -> None:

@@ -55,8 +55,13 @@ def json_schema(topic: Topic) -> dict[str, Any]:
 
 def published_schemas() -> dict[str, dict[str, Any]]:
     """Return the schema of every published topic, the publisher's stamp included, by topic name."""
-    stamp = _number_or_null(msgspec.json.schema(Stamp))
-    return {name: {"allOf": [json_schema(topic), stamp]} for name, topic in TOPICS.items() if topic.published}
+    return {name: _published_schema(topic) for name, topic in TOPICS.items() if topic.published}
+
+
+def _published_schema(topic: Topic) -> dict[str, Any]:
+    parts, definitions = msgspec.json.schema_components([topic.message, Stamp], ref_template="#/$defs/{name}")
+    schema: dict[str, Any] = _number_or_null({"allOf": list(parts), "$defs": definitions})
+    return schema
 
 
 def _number_or_null(schema: Any) -> Any:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.files import (
-    CalibrationError,
     check_calibration,
     check_frame_size,
     format_calibration,
@@ -19,7 +18,17 @@ from calib.files import (
     parse_calibration,
     save_calibration,
 )
-from messages import Calibration, ImuCalibration, Lens, Pose, Residual, StereoCalibration, matrix3, vec3
+from messages import (
+    Calibration,
+    ImuCalibration,
+    Lens,
+    Pose,
+    Residual,
+    StereoCalibration,
+    UserError,
+    matrix3,
+    vec3,
+)
 
 IDENTITY = matrix3(np.eye(3))
 DOCUMENT = """
@@ -54,7 +63,7 @@ def document(**changes: object) -> str:
 
 
 def complaint(text: str) -> str:
-    with pytest.raises(CalibrationError) as raised:
+    with pytest.raises(UserError) as raised:
         parse_calibration(text, "unit.yaml")
     line = str(raised.value)
     assert line.startswith("unit.yaml: ")
@@ -135,7 +144,7 @@ def test_a_skewed_rotation_is_refused(calibration: Calibration, skew: float, ele
     skewed = msgspec.structs.replace(calibration, X_BL=Pose(R=matrix3(rows), p_m=calibration.X_BL.p_m))
     error = float(np.abs(rows.T @ rows - np.eye(3)).max())
     if error > 1e-6:
-        with pytest.raises(CalibrationError, match=r"X_BL\.R is no rotation"):
+        with pytest.raises(UserError, match=r"X_BL\.R is no rotation"):
             check_calibration(skewed, "memory")
 
 
@@ -185,7 +194,7 @@ def test_a_file_is_replaced_in_one_step(tmp_path: Path) -> None:
 def test_an_impossible_calibration_is_not_written(tmp_path: Path) -> None:
     calibration = parse_calibration(DOCUMENT, "sample")
     mirrored = Pose(R=matrix3(np.diag([1.0, 1.0, -1.0])), p_m=(0.0, 0.0, 0.0))
-    with pytest.raises(CalibrationError, match=r"X_BL\.R mirrors: its determinant is -1, allowed \+1"):
+    with pytest.raises(UserError, match=r"X_BL\.R mirrors: its determinant is -1, allowed \+1"):
         save_calibration(tmp_path / "unit.yaml", msgspec.structs.replace(calibration, X_BL=mirrored))
     assert not list(tmp_path.iterdir())
 
@@ -195,7 +204,7 @@ def test_an_impossible_calibration_is_not_written(tmp_path: Path) -> None:
     [
         ({"stereo__row_tim_s": 0.0}, "stereo.row_tim_s is not a known field; did you mean 'row_time_s'?"),
         ({"residual__zzz": 0.0}, "residual.zzz is not a known field; allowed: specific_force_mps2, scale, "),
-        ({"stereo__left__fx_px": "wide"}, "stereo.left.fx_px: expected `float`, got `str`"),
+        ({"stereo__left__fx_px": "wide"}, "stereo.left.fx_px is 'wide', allowed a number above 0"),
         ({"stereo__left__fx_px": -700.0}, "stereo.left.fx_px is -700, allowed 10 to 20000"),
         ({"stereo__left__width_px": 8}, "stereo.left.width_px is 8, allowed 16 to 8192"),
         ({"stereo__left__cx_px": 1280.0}, "stereo.left.cx_px is 1280, allowed 0 to 1279: inside the image"),
@@ -216,7 +225,7 @@ def test_an_impossible_calibration_is_not_written(tmp_path: Path) -> None:
         ({"residual__scale": -0.1}, "residual.scale is -0.1, allowed 0 to 0.1"),
         ({"X_BL__p_m__2": 60.0}, "X_BL.p_m[2] is 60, allowed -1 to 1"),
         ({"unit": ""}, "unit is '', allowed 1 to 64 printable characters"),
-        ({"stereo__left__cx_px": True}, "stereo.left.cx_px: expected `float`, got `bool`"),
+        ({"stereo__left__cx_px": True}, "stereo.left.cx_px is True, allowed a number"),
         ({"stereo__left__cx_px": 10**400}, "stereo.left.cx_px is 1000000"),
     ],
 )
@@ -245,19 +254,19 @@ def test_text_that_is_no_calibration_gets_one_line(text: str, line: str) -> None
 
 
 def test_files_that_cannot_be_read_get_one_line(tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match=r"absent\.yaml: No such file or directory$"):
+    with pytest.raises(UserError, match=r"absent\.yaml: No such file or directory$"):
         load_calibration(tmp_path / "absent.yaml")
-    with pytest.raises(CalibrationError, match=r"Is a directory$"):
+    with pytest.raises(UserError, match=r"Is a directory$"):
         load_calibration(tmp_path)
     binary = tmp_path / "binary.yaml"
     binary.write_bytes(b"unit: \xff\xfe")
-    with pytest.raises(CalibrationError, match=r"binary\.yaml: not UTF-8 text \(byte 6\)$"):
+    with pytest.raises(UserError, match=r"binary\.yaml: not UTF-8 text \(byte 6\)$"):
         load_calibration(binary)
 
 
 def test_frames_of_another_size_are_named() -> None:
     calibration = parse_calibration(DOCUMENT, "sample")
     check_frame_size(calibration, 1280, 720, "/dev/video0")
-    with pytest.raises(CalibrationError) as raised:
+    with pytest.raises(UserError) as raised:
         check_frame_size(calibration, 752, 480, "/dev/video0")
     assert str(raised.value) == "calibration 'bench-7' is for 1280x720 px, /dev/video0 delivers 752x480 px"
