@@ -1,5 +1,6 @@
 """What the commands share in front of a person: tables, progress, JSON files."""
 
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,8 +15,9 @@ from sim_rig.floor import FloorScore
 from sim_rig.score import Score
 
 T = TypeVar("T")
+_WIDTH_OF_A_FILE = 110
 
-console = Console()
+console = Console() if sys.stdout.isatty() else Console(width=_WIDTH_OF_A_FILE)
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

@@ -17,7 +17,7 @@ def demo(
     ] = None,
     last: Annotated[float | None, typer.Option(min=1.0, help="Record only the newest seconds.")] = None,
     config: Annotated[Path | None, typer.Option(help="Configuration file (TOML); the defaults without.")] = None,
-    can: Annotated[str | None, typer.Option(help="CAN bus as INTERFACE:CHANNEL.")] = None,
+    can: Annotated[str | None, typer.Option(help="CAN bus as INTERFACE:CHANNEL; the rig's own without.")] = None,
     zenoh: Annotated[str | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
     perfect_calibration: Annotated[bool, typer.Option(help="No calibration residual (to be labelled so).")] = False,
     json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
@@ -40,12 +40,17 @@ def demo(
     from sim_rig.referee import Referee
     from sim_rig.scenario import Pace
     from sim_rig.scenario import scenario as scenario_named
+    from sim_rig.slcan_hub import open_hub
     from sim_rig.wearer import SimulatedWearer
 
     check_writable(json)
     configuration = Configuration(device="demo") if config is None else load_configuration(config)
+    hub = None
     if can is not None:
         configuration = msgspec.structs.replace(configuration, can=parse_can(can))
+    elif config is None:
+        hub = open_hub()
+        configuration = msgspec.structs.replace(configuration, can=hub.settings)
     if zenoh is not None:
         configuration = msgspec.structs.replace(configuration, zenoh=ZenohSettings(listen=zenoh))
     walk = scenario_named(scenario, Pace(speed_mps=speed, step_hz=cadence))
@@ -62,12 +67,21 @@ def demo(
         tally = Tally()
         referee = Referee(wearer, configuration.foothold, recorder)
         service = build_service(
-            configuration, wearer.calibration, Source.SIMULATED, imu, camera, recorder, [tally, referee]
+            configuration,
+            wearer.calibration,
+            Source.SIMULATED,
+            imu,
+            camera,
+            recorder,
+            [tally, referee],
+            background={} if hub is None else {"can-hub": hub.serve},
         )
         with stopped_by_signals(service), LiveStatus(tally, referee) as live:
             service.run(seconds, status=live.refresh)
     finally:
         wearer.close()
+        if hub is not None:
+            hub.close()
 
     facts = tally.summary(service.latency, service.ticks_skipped)
     scores = referee.scoreboard.summary()

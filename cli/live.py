@@ -42,7 +42,7 @@ class LiveStatus:
             self._live.update(Text(line), refresh=True)
         elif elapsed_s - self._told_s >= 1.0:
             self._told_s = elapsed_s
-            console.print(line, highlight=False)
+            console.print(line, highlight=False, soft_wrap=True)
 
     def _seen(self) -> str:
         ground = self._tally.ground

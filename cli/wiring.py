@@ -1,7 +1,7 @@
 """What `run` and `demo` put around the pipeline: publishers, recorder, signals and the summary for a person."""
 
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -13,7 +13,7 @@ from daemon.pipeline import Pipeline
 from daemon.publish_can import CanPublisher
 from daemon.publish_zenoh import ZenohPublisher
 from daemon.recorder import Recorder, RecordingInfo
-from daemon.service import Devices, Observer, Service
+from daemon.service import Background, Devices, Observer, Service
 from daemon.stamping import Stamper, read_boot_id
 from daemon.summary import RunSummary
 from drivers.can_link import CanLink
@@ -42,18 +42,20 @@ def build_service(
     camera: StereoSource,
     recorder: Recorder | None,
     observers: Sequence[Observer],
+    background: Mapping[str, Background] | None = None,
 ) -> Service:
     """Return the service on these devices, with Zenoh and CAN as configured."""
     zenoh = ZenohPublisher(
         configuration.zenoh, configuration.device, calibration=calibration, configuration=configuration
     )
     link = CanLink(configuration.can)
+    can = CanPublisher(link)
     return Service(
         Pipeline(calibration, configuration.foothold),
         Devices(imu=imu, camera=camera, ankle=link),
-        [zenoh],
+        [zenoh, can],
         Stamper(configuration.device, read_boot_id(), source),
-        can=CanPublisher(link),
+        background={"can": can.drain, **(background or {})},
         recorder=recorder,
         observers=observers,
     )

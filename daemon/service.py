@@ -15,7 +15,7 @@ import sys
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -24,7 +24,6 @@ import cv2
 from daemon.inbox import Inbox
 from daemon.latency import FrameTimes, LatencyLog
 from daemon.pipeline import Pipeline
-from daemon.publish_can import CanPublisher
 from daemon.recorder import Recorder
 from daemon.stamping import Stamper
 from drivers.protocols import AnkleSource, DeviceError, ImuSource, StereoSource
@@ -71,6 +70,10 @@ Observer = Callable[[Estimate, FrameHeader | None], None]
 """Told of every estimate in the pipeline's thread, with the header of its frame if it is a ground estimate."""
 
 
+Background = Callable[[float], None]
+"""Work with a thread of its own that is called over and over; it returns after at most the given seconds."""
+
+
 @dataclass
 class Devices:
     """What the service reads from. The camera and the IMU are needed; the ankle's state is welcome."""
@@ -94,14 +97,14 @@ class Service:
         publishers: Sequence[Publisher],
         stamper: Stamper,
         *,
-        can: CanPublisher | None = None,
+        background: Mapping[str, Background] | None = None,
         recorder: Recorder | None = None,
         observers: Sequence[Observer] = (),
     ) -> None:
         self._pipeline = pipeline
         self._devices = devices
-        self._publishers = (*publishers, can) if can is not None else tuple(publishers)
-        self._can = can
+        self._publishers = tuple(publishers)
+        self._background = dict(background or {})
         self._stamper = stamper
         self._recorder = recorder
         self._observers = observers
@@ -134,8 +137,7 @@ class Service:
         consumers = [self._thread("pipeline", self._run_pipeline)]
         if self._recorder is not None:
             consumers.append(self._thread("recorder", self._write_recording, self._recorder))
-        if self._can is not None:
-            consumers.append(self._thread("can", self._send_on_can, self._can))
+        consumers += [self._thread(name, self._serve, work) for name, work in self._background.items()]
         end_s = time.monotonic() + seconds if seconds is not None else float("inf")
         with _paced_interpreter():
             try:
@@ -289,9 +291,9 @@ class Service:
         for observe in self._observers:
             observe(estimate, header)
 
-    def _send_on_can(self, can: CanPublisher) -> None:
+    def _serve(self, work: Background) -> None:
         while not self._producers_ended.is_set():
-            can.drain(timeout_s=0.1)
+            work(0.1)
 
     def _write_recording(self, recorder: Recorder) -> None:
         while not (self._producers_ended.is_set() and recorder.idle):

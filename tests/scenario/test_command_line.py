@@ -32,7 +32,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the recording and the summary of a short simulated walk."""
     folder = tmp_path_factory.mktemp("walk")
     done = gaiteyes(
-        "demo", "--seconds", 7, "--scenario", "level", "--zenoh", endpoint(),
+        "demo", "--seconds", 7, "--scenario", "level", "--zenoh", endpoint(), "--can", "virtual:test",
         "--record", folder / "walk.mcap", "--json", folder / "walk.json",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -84,7 +84,7 @@ def test_a_recording_cut_in_the_middle_replays_up_to_the_damage(walk: Path, tmp_
 def test_interrupting_ends_cleanly_and_keeps_the_recording(tmp_path: Path) -> None:
     path = tmp_path / "walk.mcap"
     process = subprocess.Popen(
-        [*GAITEYES, "demo", "--seconds", "60", "--zenoh", endpoint(), "--record", str(path)],
+        [*GAITEYES, "demo", "--seconds", "60", "--zenoh", endpoint(), "--can", "virtual:test", "--record", str(path)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
     deadline_s = time.monotonic() + 60.0

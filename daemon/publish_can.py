@@ -1,0 +1,88 @@
+"""Estimates on CAN: the pipeline's thread leaves them here without waiting, another thread brings them to the bus.
+
+Even a send that is said not to wait may wait inside a driver, and opening a lost link does; so the bus has a thread of
+its own, as the recorder has, which calls `drain`. Each kind of estimate has one place: a newer one replaces one that
+still waits (the drop rule of its topic), so that nothing old is ever sent late.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from drivers.can_link import SendResult
+from messages import Estimate, GroundPlane, Health, Stamp
+from messages.can_frames import CanEncoder, CanFrame
+
+
+class FrameSender(Protocol):
+    """The part of drivers.can_link.CanLink that sends."""
+
+    def send(self, frame: CanFrame) -> SendResult:
+        """Hand one frame to the bus, or drop it and say why."""
+
+    def close(self) -> None:
+        """Release the bus."""
+
+
+class CanPublisher:
+    """Sends ground estimates (GROUND, then GROUND_QUALITY) and health; other estimates do not go on CAN.
+
+    `errors` counts what never reached the bus: frames by `failures`, and estimates by `superseded`.
+    """
+
+    name = "can"
+
+    def __init__(self, link: FrameSender, *, now_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        self.errors = 0
+        self.sent = 0
+        self.superseded = 0
+        self.failures: dict[SendResult, int] = {result: 0 for result in SendResult if result is not SendResult.SENT}
+        self._link = link
+        self._now_ns = now_ns
+        self._encoder = CanEncoder()
+        self._waiting: dict[type[Estimate], tuple[Estimate, Stamp]] = {}
+        self._filled = threading.Condition()
+
+    def publish(self, estimate: Estimate, stamp: Stamp) -> None:
+        """Leave `estimate` to be sent; never waits for the bus."""
+        if not isinstance(estimate, GroundPlane | Health):
+            return
+        with self._filled:
+            if type(estimate) in self._waiting:
+                self.superseded += 1
+                self.errors += 1
+            self._waiting[type(estimate)] = estimate, stamp
+            self._filled.notify()
+
+    def drain(self, timeout_s: float) -> None:
+        """Send what waits, or return after `timeout_s` without anything. Called by the bus's own thread."""
+        with self._filled:
+            if not self._waiting:
+                self._filled.wait(timeout_s)
+            waiting, self._waiting = self._waiting, {}
+        for estimate, stamp in waiting.values():
+            for frame in self._frames(estimate, stamp):
+                result = self._link.send(frame)
+                if result is not SendResult.SENT:
+                    self._count_failure(result)
+                    break  # half an estimate is of no use
+                self.sent += 1
+
+    def close(self) -> None:
+        """Release the bus; what still waits is not sent."""
+        self._link.close()
+
+    def _count_failure(self, result: SendResult) -> None:
+        with self._filled:
+            self.failures[result] += 1
+            self.errors += 1
+
+    def _frames(self, estimate: Estimate, stamp: Stamp) -> tuple[CanFrame, ...]:
+        if isinstance(estimate, GroundPlane):
+            # The stamp's age ends when the estimate was handed out; the frame tells the age at transmission.
+            age_s = stamp.age_s + 1e-9 * (self._now_ns() - stamp.t_publish_ns)
+            return self._encoder.ground(estimate, stamp, age_s)
+        if isinstance(estimate, Health):
+            return (self._encoder.health(estimate, stamp),)
+        return ()

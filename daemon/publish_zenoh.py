@@ -1,0 +1,138 @@
+"""Estimates on Zenoh, as flat JSON: the message's own keys and the stamp's (`messages.codec.encode_line`).
+
+Exact keys, for a device called DEVICE; a replay has `replay/` after the device everywhere, and so never looks live:
+
+    gaiteyes/DEVICE/ground/v1, …/attitude/v1, …/health/v1   published (messages.topics: rates, deadlines)
+    gaiteyes/DEVICE/alive                                   liveliness token: presence, not a watchdog (10 s lease)
+    gaiteyes/DEVICE/calibration                             queryable: the calibration in use
+    gaiteyes/DEVICE/configuration                           queryable: the service's settings
+    gaiteyes/DEVICE/schema                                  queryable: JSON Schema of every published message
+
+Subscribe to exact keys: where access control is on, a wider key expression gets nothing, silently.
+"""
+
+import contextlib
+import json
+import re
+from typing import Annotated
+
+import msgspec
+import zenoh
+
+from drivers.protocols import DeviceError
+from messages import TOPIC_OF, TOPICS, Calibration, Estimate, GroundPlane, Stamp
+from messages.codec import encode, encode_line, published_schemas
+
+SEND_BUFFER_BYTES = 8192
+"""Dropping starts only when TCP's own buffer is full. With the system's megabytes a subscriber that stood still was
+told of thousands of old planes first and of no new one for seconds; with this little it catches up at once."""
+
+_DEVICE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+
+
+class ZenohSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """Where to listen. The default is reachable from this host alone."""
+
+    listen: Annotated[str, msgspec.Meta(pattern="^[a-z]+/.+")] = "tcp/127.0.0.1:7447"
+
+
+class ZenohPublisher:
+    """A Zenoh peer that publishes, answers queries and shows that it is there.
+
+    It finds nobody by itself (multicast and gossip are off): others connect to `settings.listen`. Under congestion a
+    publication is dropped at once, without Zenoh's usual wait; Zenoh does not tell how many. `errors` counts
+    publications that Zenoh refused. Raises DeviceError, in one line, if it cannot listen or `device` is no key.
+    """
+
+    name = "zenoh"
+
+    def __init__(
+        self,
+        settings: ZenohSettings,
+        device: str,
+        *,
+        calibration: Calibration,
+        configuration: msgspec.Struct,
+        replay: bool = False,
+    ) -> None:
+        if not _DEVICE.fullmatch(device):
+            raise DeviceError(f"device '{device}': 1 to 64 letters, digits, '_', '.' or '-', the first no sign")
+        self.errors = 0
+        self.sent = 0
+        session = _open(settings)
+        self._publishers = {
+            topic.message: session.declare_publisher(
+                topic.key(device, replay=replay),
+                encoding=zenoh.Encoding.APPLICATION_JSON,
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.REAL_TIME if topic.message is GroundPlane else zenoh.Priority.DATA_HIGH,
+                express=True,
+            )
+            for topic in TOPICS.values()
+            if topic.published
+        }
+        prefix = f"gaiteyes/{device}/replay" if replay else f"gaiteyes/{device}"
+        answers = {
+            f"{prefix}/calibration": encode(calibration),
+            f"{prefix}/configuration": encode(configuration),
+            f"{prefix}/schema": json.dumps(published_schemas()).encode(),
+        }
+        queryables = [session.declare_queryable(key, _reply_with(key, answer)) for key, answer in answers.items()]
+        token = session.liveliness().declare_token(f"{prefix}/alive")
+        self._undo = contextlib.ExitStack()  # runs backwards: the token goes first, the session last
+        self._undo.callback(session.close)
+        for publisher in self._publishers.values():
+            self._undo.callback(publisher.undeclare)
+        for queryable in queryables:
+            self._undo.callback(queryable.undeclare)
+        self._undo.callback(token.undeclare)
+
+    def publish(self, estimate: Estimate, stamp: Stamp) -> None:
+        """Send one estimate, or let Zenoh drop it; never waits for a subscriber."""
+        try:
+            self._publishers[type(estimate)].put(encode_line(TOPIC_OF[type(estimate)], estimate, stamp))
+        except zenoh.ZError:
+            self.errors += 1
+        else:
+            self.sent += 1
+
+    def close(self) -> None:
+        """Take everything back in order, then end the session."""
+        self._undo.close()
+
+
+def _open(settings: ZenohSettings) -> zenoh.Session:
+    config = zenoh.Config()
+    entries = {
+        "mode": "peer",
+        "listen/endpoints": [settings.listen],
+        "connect/endpoints": [],
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,
+        "transport/link/tcp/so_sndbuf": SEND_BUFFER_BYTES,
+    }
+    try:
+        for key, value in entries.items():
+            config.insert_json5(key, json.dumps(value))
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        raise DeviceError(f"Zenoh: cannot listen on {settings.listen}: {_reason(error)}") from error
+
+
+def _reason(error: zenoh.ZError) -> str:
+    """Zenoh's own line without the places in its sources."""
+    if "Address already in use" in str(error):
+        return "the address is in use; stop the other service or set another one"
+    return re.sub(r" at /\S+:\d+\.\]?", "", " ".join(str(error).split()))
+
+
+def _reply_with(key: str, answer: bytes) -> "zenoh.handlers.Callback[zenoh.Query]":
+    def reply(query: zenoh.Query) -> None:
+        with query:
+            query.reply(key, answer, encoding=zenoh.Encoding.APPLICATION_JSON)
+
+    # Called in Zenoh's network thread: the answer is ready, and a thread made for the callback would outlive a service
+    # that died without closing, and keep its process from ending.
+    callback: zenoh.handlers.Callback[zenoh.Query] = zenoh.handlers.Callback(reply, indirect=False)
+    return callback

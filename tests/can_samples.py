@@ -1,0 +1,119 @@
+"""Messages for the tests of the publishers and the CAN codec."""
+
+import msgspec
+
+from messages import (
+    Attitude,
+    Calibration,
+    DropCause,
+    GroundPlane,
+    Health,
+    ImuCalibration,
+    Lens,
+    Load,
+    Matrix3,
+    Pose,
+    Reason,
+    Residual,
+    Source,
+    Stamp,
+    Status,
+    StereoCalibration,
+)
+
+NAN = float("nan")
+
+
+def ground(**changes: object) -> GroundPlane:
+    valid = GroundPlane(
+        t_exposure_ns=1_000_000_000,
+        frame_seq=3,
+        status=Status.VALID,
+        reason=Reason.NONE,
+        slope_sagittal_rad=0.1,
+        slope_frontal_rad=-0.05,
+        height_m=0.931,
+        covariance=(1e-4, 0.0, 0.0, 4e-4, 0.0, 9e-6),
+        ahead_m=0.6,
+        matched_share=0.9,
+        inlier_share=0.8,
+        disparity_noise_px=0.1,
+        calibration_id="a3f01234",
+    )
+    return msgspec.structs.replace(valid, **changes)
+
+
+def invalid_ground(status: Status = Status.INVALID, reason: Reason = Reason.NO_FRAME) -> GroundPlane:
+    return ground(
+        status=status,
+        reason=reason,
+        slope_sagittal_rad=NAN,
+        slope_frontal_rad=NAN,
+        height_m=NAN,
+        covariance=(NAN,) * 6,
+    )
+
+
+def attitude() -> Attitude:
+    return Attitude(
+        t_sample_ns=1_000_000_000,
+        status=Status.VALID,
+        reason=Reason.NONE,
+        q_WB=(1.0, 0.0, 0.0, 0.0),
+        w_WB_B_radps=(0.0, 0.1, 0.0),
+        gyro_bias_B_radps=(0.0, 0.0, 0.001),
+        rotation_cov_W_rad2=(1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-2),
+        calibration_id="a3f01234",
+    )
+
+
+def health(**changes: object) -> Health:
+    calm = Health(
+        t_ns=5_000_000_000,
+        imu_samples=500,
+        imu_lost=1,
+        imu_refused=0,
+        imu_clipped=0,
+        imu_bus_errors=2,
+        imu_fifo_overflows=0,
+        imu_resets=0,
+        frames=100,
+        frames_valid=95,
+        frames_dropped={DropCause.SUPERSEDED: 3, DropCause.CORRUPT: 4},
+        refused={Reason.LOW_TEXTURE: 5},
+        ankle_states=0,
+        inbox_dropped=0,
+        recorder_dropped=0,
+        can_errors=0,
+        zenoh_errors=0,
+        load=Load.REDUCED,
+        calibration_id="a3f01234",
+    )
+    return msgspec.structs.replace(calm, **changes)
+
+
+def stamp(**changes: object) -> Stamp:
+    live = Stamp(device="unit-1", boot_id="boot", source=Source.LIVE, seq=0, t_publish_ns=1_040_000_000, age_s=0.040)
+    return msgspec.structs.replace(live, **changes)
+
+
+def calibration() -> Calibration:
+    unit: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    here = Pose(R=unit, p_m=(0.0, 0.0, 0.0))
+    zero = (0.0, 0.0, 0.0)
+    lens = Lens(
+        width_px=1280,
+        height_px=720,
+        fx_px=700.0,
+        fy_px=700.0,
+        cx_px=640.0,
+        cy_px=360.0,
+        distortion=(0.0, 0.0, 0.0, 0.0),
+    )
+    return Calibration(
+        unit="unit-1",
+        imu=ImuCalibration(sf_matrix=unit, sf_bias_mps2=zero, w_matrix=unit, w_bias_radps=zero),
+        stereo=StereoCalibration(left=lens, right=lens, X_RL=Pose(R=unit, p_m=(-0.12, 0.0, 0.0))),
+        X_BL=here,
+        residual=Residual(),
+    )

@@ -1,0 +1,146 @@
+"""Both examples, run as a user runs them: in processes of their own, against publishers at work."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from daemon.publish_can import CanPublisher
+from daemon.publish_zenoh import ZenohPublisher, ZenohSettings
+from daemon.stamping import Stamper, read_boot_id
+from drivers.can_link import CanInterface, CanLink, CanSettings
+from drivers.protocols import DeviceError
+from messages import GroundPlane, Source
+from tests.can_samples import calibration, ground, invalid_ground
+from tests.slcan_hub import served_hub
+from tests.zenoh_peer import free_endpoint
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+GROUP = "239.74.163.78"
+LONGEST_LINES = 30
+
+
+class Service:
+    """Publishes a ground estimate 20 times a second, from a thread of its own, until the context ends."""
+
+    def __init__(
+        self, publisher: ZenohPublisher | CanPublisher, source: Source, make: Callable[[int], GroundPlane]
+    ) -> None:
+        self._publisher = publisher
+        self._stamper = Stamper("demo", read_boot_id(), source)
+        self._make = make
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._publish)
+
+    def _publish(self) -> None:
+        while not self._ended.wait(0.05):
+            estimate = self._make(time.monotonic_ns() - 40_000_000)
+            self._publisher.publish(estimate, self._stamper.stamp(estimate, time.monotonic_ns()))
+            if isinstance(self._publisher, CanPublisher):
+                self._publisher.drain(0.0)
+
+    def __enter__(self) -> "Service":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+        self._publisher.close()
+
+
+def measured(t_exposure_ns: int) -> GroundPlane:
+    return ground(t_exposure_ns=t_exposure_ns)
+
+
+def missing(t_exposure_ns: int) -> GroundPlane:
+    return msgspec.structs.replace(invalid_ground(), t_exposure_ns=t_exposure_ns)
+
+
+def old(t_exposure_ns: int) -> GroundPlane:
+    return measured(t_exposure_ns - 100_000_000)
+
+
+@pytest.fixture(params=[CanInterface.SLCAN, CanInterface.UDP_MULTICAST])
+def can_settings(request: pytest.FixtureRequest) -> Iterator[CanSettings]:
+    if request.param is CanInterface.SLCAN:
+        with served_hub() as hub:
+            yield CanSettings(interface=CanInterface.SLCAN, channel=hub.channel, settle_s=0.0)
+    elif importlib.util.find_spec("msgpack") is None:
+        pytest.skip("msgpack is not installed")
+    else:
+        yield CanSettings(interface=CanInterface.UDP_MULTICAST, channel=GROUP)
+
+
+def lines_of(example: str, *arguments: str, wanted: int = 7) -> list[str]:
+    """The first lines a run of the example prints."""
+    command = [sys.executable, str(EXAMPLES / example), *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        watchdog = threading.Timer(30.0, process.kill)
+        watchdog.start()
+        assert process.stdout is not None
+        assert process.stderr is not None
+        lines = [line for _, line in zip(range(wanted), process.stdout, strict=False)]
+        watchdog.cancel()
+        process.kill()
+        assert len(lines) == wanted, process.stderr.read()
+        return lines
+
+
+def assert_told(lines: list[str], told: str) -> None:
+    """Some lines may be refusals, as on a busy machine; but where refusal is right nothing else may appear."""
+    assert sum(re.fullmatch(told, line.rstrip()) is not None for line in lines) >= 2, lines
+    if told.startswith("refused"):
+        assert not any(line.startswith("ground") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("source", "make", "arguments", "told"),
+    [
+        (Source.LIVE, measured, (), r"ground live valid none slope 0.1 rad, height 0.931 m, age 0.0\d+ s, lost 0"),
+        (Source.SIMULATED, measured, (), "refused simulated valid none slope 0.1 rad.*"),
+        (Source.SIMULATED, measured, ("--accept-simulated",), "ground simulated valid none slope 0.1 rad.*"),
+        (Source.LIVE, missing, (), "refused live invalid no_frame slope None rad, height None m.*"),
+        (Source.LIVE, old, (), r"refused live valid none slope 0.1 rad.* age 0.1\d+ s.*"),
+    ],
+)
+def test_the_zenoh_example_tells_the_ground_or_refuses_it(
+    source: Source, make: Callable[[int], GroundPlane], arguments: tuple[str, ...], told: str
+) -> None:
+    settings = ZenohSettings(listen=free_endpoint())
+    publisher = ZenohPublisher(settings, "demo", calibration=calibration(), configuration=settings)
+    with Service(publisher, source, make):
+        lines = lines_of("zenoh_subscriber.py", "--connect", settings.listen, *arguments)
+    assert_told(lines, told)
+
+
+@pytest.mark.parametrize(
+    ("source", "arguments", "told"),
+    [
+        (Source.LIVE, (), r"ground live slope 0.100 ± 0.010 rad height 0.931 ± 0.003 m age 0.0\d+ s"),
+        (Source.SIMULATED, ("--accept-simulated",), "ground simulated slope 0.100 ± 0.010 rad.*"),
+    ],
+)
+def test_the_can_example_tells_the_ground_or_refuses_it(
+    can_settings: CanSettings, source: Source, arguments: tuple[str, ...], told: str
+) -> None:
+    try:
+        publisher = CanPublisher(CanLink(can_settings))
+    except DeviceError as absent:
+        pytest.skip(str(absent))
+    bus = ("--interface", can_settings.interface.value, "--channel", can_settings.channel)
+    with Service(publisher, source, measured):
+        lines = lines_of("can_listener.py", *bus, *arguments)
+    assert_told(lines, told)
+
+
+@pytest.mark.parametrize("example", ["zenoh_subscriber.py", "can_listener.py"])
+def test_an_example_is_short_enough_to_be_read(example: str) -> None:
+    assert len((EXAMPLES / example).read_text().splitlines()) <= LONGEST_LINES
