@@ -1,0 +1,262 @@
+"""The equations of the attitude filter: a complementary filter on SO(3) with optimal gains.
+
+The gyroscope is integrated on SO(3). What pulls the result to the vertical is that a wearer's velocity stays bounded:
+the integral of specific force minus gravity cannot run away from the drift of a walk, which turns with the wearer and
+changes slowly. An error-state Kalman filter weighs the two. Every sample counts: a gate on the length of the specific
+force would spoil the mean of the accelerations, which carries the vertical. How closely the velocity keeps to the
+drift follows from its own swing about it, and from rest.
+
+Estimates, and their errors (true = estimate ⊕ error), θ, v and u in W and right-invariant, so that (3) holds in any
+motion:
+
+    R_WB ← R_WB exp(w dt),  w = (1 − M) w_measured − b                              (1)
+    v̇_W = R_WB (sf_measured − a) − g e_z,   u̇_W = w_z e_z × u − u / τ + n_u         (2)
+    θ̇ = −R_WB (δb + δM w_measured) + n_w,   δv̇ = g θ × e_z − R_WB δa + n_a          (3)
+    v = u + n_v,   at rest also   w = n_r                                           (4)
+
+b, M: gyroscope's bias, and scale and misalignment; a: accelerometer's bias; u: drift, or sway at rest. The yaw of W is
+arbitrary, and (4) never pretends to know it: turning everything about e_z changes no measurement. Invariant error:
+Barrau, Bonnabel, IEEE TAC 62(4), 2017.
+"""
+
+import math
+import operator
+
+import numpy as np
+
+from messages import Residual, Vec3
+from perception import so3, vec3
+from perception.attitude_state import AttitudeSettings, AttitudeState, Sample, Step
+from perception.rest import Rest
+from perception.so3 import Array
+
+SIZE = 24
+ROTATION, GYRO_BIAS, VELOCITY, DRIFT, SF_BIAS, GYRO_MATRIX = (
+    slice(0, 3),
+    slice(3, 6),
+    slice(6, 9),
+    slice(9, 12),
+    slice(12, 15),
+    slice(15, 24),
+)
+"""Where each error stands in the error state; the gyroscope's matrix row by row."""
+
+_I = np.eye(SIZE)
+_DIAGONAL = np.diag_indices(SIZE)
+_RATE_IS_ZERO = _I[GYRO_BIAS]
+_SWING_IS_ZERO = _I[VELOCITY] - _I[DRIFT]
+_RATE_AND_SWING_ARE_ZERO = np.vstack((_RATE_IS_ZERO, _SWING_IS_ZERO))
+"""What (4) measures of the error state, each (rows, 24)."""
+
+_CROSS_UP = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+"""θ × e_z = _CROSS_UP θ."""
+
+_FAR = 3.0
+"""Standard deviations beyond which a velocity belongs to another motion."""
+
+_STEP_GAIN = 0.05
+"""Share by which the usual time between samples follows each one."""
+
+
+class AttitudeKalman:
+    """(1) to (4) on an AttitudeState, which each method brings up to date; nothing is remembered here."""
+
+    def __init__(self, settings: AttitudeSettings, residual: Residual) -> None:
+        self.settings = settings
+        sf_bias_mps2 = math.hypot(residual.specific_force_mps2, residual.scale * settings.gravity_mps2)
+        self._initial_var = np.zeros(SIZE)
+        self._initial_var[GYRO_BIAS] = settings.gyro_bias_radps**2
+        self._initial_var[SF_BIAS] = sf_bias_mps2**2
+        self._initial_var[GYRO_MATRIX] = residual.scale**2
+        self._walk_density = np.zeros(SIZE)
+        self._walk_density[ROTATION] = settings.gyro_noise_radps_rthz**2
+        self._walk_density[GYRO_BIAS] = settings.gyro_bias_walk_radps_rts**2
+        self._walk_density[VELOCITY] = settings.sf_noise_mps2_rthz**2
+        self._walk_density[SF_BIAS] = settings.sf_bias_walk_mps2_rts**2
+        self._rotation_per_square_rate = residual.scale**2 * settings.gyro_scale_time_s
+        self._velocity_per_square_acceleration = residual.scale**2 * settings.sf_scale_time_s
+        self._sway_density = np.repeat((settings.sway_rate_radps_rts**2, settings.sway_swing_mps_rts**2), 3)
+
+    def new_state(self) -> AttitudeState:
+        """Return the state before the first sample."""
+        return AttitudeState(np.diag(self._initial_var))
+
+    def forgotten(self, state: AttitudeState, gap_s: float) -> AttitudeState:
+        """Return the state before the first sample after `gap_s` without: all is forgotten but the sensors' errors."""
+        return AttitudeState(
+            state.covariance + np.diag(self._walk_density * gap_s),
+            gyro_bias=state.gyro_bias,
+            sf_bias=state.sf_bias,
+            gyro_matrix=state.gyro_matrix,
+        )
+
+    def rate(self, state: AttitudeState, w_measured: Vec3) -> Vec3:
+        """Return w of (1) in rad/s."""
+        return vec3.minus(vec3.minus(w_measured, so3.transform(state.gyro_matrix, w_measured)), state.gyro_bias)
+
+    def at_rest(self, state: AttitudeState) -> bool:
+        """Return whether the IMU has moved no more than a standing wearer does, for a second."""
+        settings = self.settings.rest
+        if state.rest.quiet_s < settings.time_s:
+            return False
+        bias_deviation = math.sqrt(state.covariance[GYRO_BIAS, GYRO_BIAS].trace() / 3.0)
+        rate_radps = math.hypot(*self.rate(state, state.rest.mean_w_B))
+        return rate_radps < settings.deviation_w_radps + 3.0 * bias_deviation
+
+    def start_at_rest(self, state: AttitudeState) -> None:
+        """Level by the mean specific force of the rest, and take its mean rate for the bias."""
+        settings = self.settings
+        self._start(state, state.rest.mean_sf_B, settings.rest_tilt_rad, settings.sway_mps)
+        rate = np.array(self.rate(state, state.rest.mean_w_B))
+        _fuse(state, _RATE_IS_ZERO, rate, self._sway_density[:3] / settings.rest.time_s)
+
+    def start_in_motion(self, state: AttitudeState) -> None:
+        """Level by the mean specific force since the first sample."""
+        settings, levelling = self.settings, state.levelling
+        to_B = so3.rows_from_quaternion(so3.conjugate(levelling.q_SB))
+        mean_sf_B = vec3.scaled(so3.transform(to_B, levelling.sum_sf_S), 1.0 / levelling.elapsed_s)
+        self._start(state, mean_sf_B, settings.moving_start_tilt_rad, settings.moving_start_speed_mps)
+
+    def _start(self, state: AttitudeState, mean_sf_B: Vec3, tilt_rad: float, speed_mps: float) -> None:
+        """Stand the mean specific force upright: where the accelerometer's bias leans, so does the vertical."""
+        state.started = True
+        state.q_WB = so3.quaternion_from_up(vec3.minus(mean_sf_B, state.sf_bias))
+        state.sf_W = _specific_force_W(state)
+        P = state.covariance
+        for motion in (ROTATION, VELOCITY, DRIFT):
+            P[motion, :] = P[:, motion] = 0.0
+        # g θ × e_z = R_WB δa
+        tilt_of_bias = _CROSS_UP.T @ so3.matrix_from_quaternion(state.q_WB) / self.settings.gravity_mps2
+        P[ROTATION, :] = tilt_of_bias @ P[SF_BIAS, :]
+        P[:, ROTATION] = P[ROTATION, :].T
+        P[ROTATION, ROTATION] = tilt_of_bias @ P[SF_BIAS, SF_BIAS] @ tilt_of_bias.T + np.diag((1, 1, 0)) * tilt_rad**2
+        P[VELOCITY, VELOCITY] = P[DRIFT, DRIFT] = np.eye(3) * speed_mps**2
+
+    def integrate(self, state: AttitudeState, sample: Sample, dt_s: float) -> None:
+        """(1) and (2) by the trapezoidal rule; across a gap the attitude and the velocity are held."""
+        step = state.step
+        known_s = 0.0 if state.after_gap else dt_s
+        w_mid, sf_before_W = vec3.between(state.w_measured, sample.w_B, 0.5), state.sf_W
+        state.sf_measured, state.w_measured = sample.sf_B, sample.w_B
+        turned = vec3.scaled(self.rate(state, w_mid), known_s)
+        state.q_WB = so3.multiply(state.q_WB, so3.quaternion_from_rotvec(turned))
+        rows = so3.rows_from_quaternion(state.q_WB)
+        state.sf_W = so3.transform(rows, vec3.minus(sample.sf_B, state.sf_bias))
+        x, y, z = vec3.between(sf_before_W, state.sf_W, 0.5)
+        acceleration_W = (x, y, z - self.settings.gravity_mps2)
+        state.v_W = vec3.plus_scaled(state.v_W, acceleration_W, known_s)
+
+        step.elapsed_s += dt_s
+        step.rows.append(rows)
+        step.rates.append(w_mid)
+        step.known_s.append(known_s)
+        step.yaw_rad += rows[6] * turned[0] + rows[7] * turned[1] + rows[8] * turned[2]
+        step.rotation_var += self._rotation_per_square_rate * vec3.square(w_mid) * known_s
+        step.velocity_var += self._velocity_per_square_acceleration * vec3.square(acceleration_W) * known_s
+        self._lose_certainty(state, dt_s, sample.clipped)
+        if step.elapsed_s >= self.settings.correction_s:
+            self._correct(state)
+
+    def _lose_certainty(self, state: AttitudeState, dt_s: float, clipped: bool) -> None:
+        """Add the variance of what the samples did not show: between them, in a gap, or beyond the range."""
+        settings, step = self.settings, state.step
+        if state.after_gap:
+            step.rotation_var += settings.gap_rotation_rad_rts**2 * dt_s
+            step.velocity_var += settings.gap_velocity_mps_rts**2 * dt_s
+        elif dt_s > 1.5 * state.usual_step_s:
+            missing_s = dt_s - state.usual_step_s
+            step.rotation_var += (settings.unseen_w_radps * missing_s) ** 2
+            step.velocity_var += (settings.unseen_sf_mps2 * missing_s) ** 2
+        if clipped:
+            step.rotation_var += (settings.clipped_w_radps * dt_s) ** 2
+            step.velocity_var += (settings.clipped_sf_mps2 * dt_s) ** 2
+        state.usual_step_s += _STEP_GAIN * (min(dt_s, 2.0 * state.usual_step_s) - state.usual_step_s)
+
+    def _correct(self, state: AttitudeState) -> None:
+        """Kalman filter over the errors: predict by (3), measure (4)."""
+        step, state.step = state.step, Step()
+        known_s = sum(step.known_s)
+        runs_away = self._notice_rest(state)
+        self._predict(state, step, known_s, runs_away)
+        if known_s > 0.0:
+            self._measure(state, known_s)
+
+    def _notice_rest(self, state: AttitudeState) -> bool:
+        """Begin or end a rest; return True where the velocity belongs to no rest and no walk: a vehicle, or an error."""
+        settings = self.settings
+        variance = max(state.covariance[6, 6], state.covariance[7, 7]) + settings.sway_mps**2
+        stands_still = math.hypot(*state.v_W[:2]) <= _FAR * math.sqrt(variance)
+        at_rest = self.at_rest(state)
+        state.resting = at_rest and (state.resting or stands_still)
+        return (at_rest and not state.resting) or math.hypot(*state.drift_W[:2]) > settings.drift_limit_mps
+
+    def _predict(self, state: AttitudeState, step: Step, known_s: float, runs_away: bool) -> None:
+        settings = self.settings
+        R_dt = np.array(step.rows) * np.array(step.known_s)[:, np.newaxis]
+        F = np.eye(SIZE)
+        F[ROTATION, GYRO_BIAS] = F[VELOCITY, SF_BIAS] = -R_dt.sum(axis=0).reshape(3, 3)
+        F[ROTATION, GYRO_MATRIX] = -(R_dt.T @ np.array(step.rates)).reshape(3, 9)
+        F[VELOCITY, ROTATION] = settings.gravity_mps2 * known_s * _CROSS_UP
+        drift_mps, time_s = (
+            (settings.sway_mps, settings.sway_time_s) if state.resting else (settings.drift_mps, settings.drift_time_s)
+        )
+        kept = math.exp(-step.elapsed_s / time_s)
+        c_yaw, s_yaw = kept * math.cos(step.yaw_rad), kept * math.sin(step.yaw_rad)
+        F[DRIFT, DRIFT] = ((c_yaw, -s_yaw, 0.0), (s_yaw, c_yaw, 0.0), (0.0, 0.0, kept))
+        x, y, z = state.drift_W
+        state.drift_W = (c_yaw * x - s_yaw * y, s_yaw * x + c_yaw * y, kept * z)
+        noise = self._walk_density * step.elapsed_s
+        noise[ROTATION] += step.rotation_var + (settings.runaway_rad_rts**2 * known_s if runs_away else 0.0)
+        noise[VELOCITY] += step.velocity_var
+        noise[DRIFT] += (1.0 - kept**2) * drift_mps**2
+        state.covariance = F @ state.covariance @ F.T
+        state.covariance[_DIAGONAL] += noise
+
+    def _measure(self, state: AttitudeState, known_s: float) -> None:
+        swing_W = vec3.minus(state.v_W, state.drift_W)
+        if state.resting:
+            variance = np.diag(_SWING_IS_ZERO @ state.covariance @ _SWING_IS_ZERO.T) + self._sway_density[3:] / known_s
+            if max(map(abs, swing_W)) > _FAR * math.sqrt(variance.max()):
+                state.rest, state.resting = Rest(), False  # a walk begins, before the rest detector knows
+        if state.resting:
+            innovation = np.array((*self.rate(state, state.rest.mean_w_B), *vec3.scaled(swing_W, -1.0)))
+            _fuse(state, _RATE_AND_SWING_ARE_ZERO, innovation, self._sway_density / known_s)
+        else:
+            variance = np.full(3, self._swing_density(state, swing_W, known_s) / known_s)
+            _fuse(state, _SWING_IS_ZERO, -np.array(swing_W), variance)
+
+    def _swing_density(self, state: AttitudeState, swing_W: Vec3, dt_s: float) -> float:
+        """Return n_v's variance density, m²/s, from the swing's horizontal mean square, which it brings up to date."""
+        settings = self.settings
+        gain = dt_s / (dt_s + settings.swing_average_s)
+        state.mean_square_swing += gain * (swing_W[0] ** 2 + swing_W[1] ** 2 - state.mean_square_swing)
+        return settings.swing_floor_mps_rts**2 + settings.swing_time_s * state.mean_square_swing
+
+
+def _fuse(state: AttitudeState, H: Array, innovation: Array, variance: Array) -> None:
+    """Take a measurement H of the errors, with independent noise of `variance`, and correct the estimates."""
+    P = state.covariance
+    HP = H @ P
+    K = np.linalg.solve(HP @ H.T + np.diag(variance), HP).T
+    P = P - K @ HP
+    state.covariance = 0.5 * (P + P.T)
+    error: list[float] = (K @ innovation).tolist()
+    turn = so3.quaternion_from_rotvec(_vec3(error, ROTATION))
+    turn_rows = so3.rows_from_quaternion(turn)
+    state.q_WB = so3.normalised(so3.multiply(turn, state.q_WB))
+    state.v_W = vec3.plus_scaled(so3.transform(turn_rows, state.v_W), _vec3(error, VELOCITY), 1.0)
+    state.drift_W = vec3.plus_scaled(so3.transform(turn_rows, state.drift_W), _vec3(error, DRIFT), 1.0)
+    state.gyro_bias = vec3.plus_scaled(state.gyro_bias, _vec3(error, GYRO_BIAS), 1.0)
+    state.sf_bias = vec3.plus_scaled(state.sf_bias, _vec3(error, SF_BIAS), 1.0)
+    state.gyro_matrix = tuple(map(operator.add, state.gyro_matrix, error[GYRO_MATRIX]))
+    state.sf_W = _specific_force_W(state)
+
+
+def _specific_force_W(state: AttitudeState) -> Vec3:
+    rows = so3.rows_from_quaternion(state.q_WB)
+    return so3.transform(rows, vec3.minus(state.sf_measured, state.sf_bias))
+
+
+def _vec3(values: list[float], part: slice) -> Vec3:
+    x, y, z = values[part]
+    return (x, y, z)
