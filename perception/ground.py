@@ -36,6 +36,8 @@ class GroundMeter:
     least_matched_share = 0.30
     least_inlier_share = 0.30
     most_pixels = 5000
+    locking_px = 0.05
+    """What interpolation between whole disparities leaves as a common offset (pixel locking), one σ."""
 
     def __init__(self, stereo: StereoCalibration, residual: Residual) -> None:
         self.rectifier = Rectifier(stereo, max(1, round(stereo.left.width_px / self.matching_width_px)))
@@ -95,8 +97,11 @@ class GroundMeter:
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting)
 
     def _residual_cov(self, plane: Plane, R_HC: FloatArray) -> FloatArray:
-        """Return the covariance of (a, b, h) by a toe-in ε: an offset f ε of d, which moves θ of (1) along C's z."""
-        offset_px = self.rectifier.f_px * self._residual.toe_in_rad
+        """Return the covariance of (a, b, h) by a common offset of d, which moves θ of (1) along C's z.
+
+        A toe-in ε gives an offset f ε; pixel locking gives another.
+        """
+        offset_px = np.hypot(self.rectifier.f_px * self._residual.toe_in_rad, self.locking_px)
         moved = self._fitter.jacobian(plane.theta(self._fitter.fB_px_m)) @ (offset_px * R_HC[:, 2])
         return np.outer(moved, moved)
 

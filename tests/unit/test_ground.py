@@ -1,0 +1,103 @@
+"""The ground of rendered frames: the foothold's slope and height, and the uncertainty that goes with them."""
+
+import numpy as np
+import pytest
+
+from messages import Calibration, GroundPlane, GroundTruth, Reason, Status
+from perception.foothold import FootholdSettings, OutOfRangeError, view_of
+from perception.ground_estimator import GroundEstimator
+from perception.plane import Plane
+from perception.rectify import Rectifier
+from sim_rig.scenario import scenario
+from sim_rig.wearer import SimulatedWearer
+
+START_NS = 10_000_000_000
+
+
+def seen(name: str, seed: int, first: int, count: int) -> tuple[list[tuple[GroundPlane, GroundTruth]], Calibration]:
+    """Return estimates with the true attitude and a perfect calibration, and their truth."""
+    wearer = SimulatedWearer(seed, scenario(name), START_NS, perfect_calibration=True)
+    estimator = GroundEstimator(wearer.calibration, FootholdSettings())
+    pairs = []
+    for frame, truth in wearer.frames(count, first=first):
+        motion = wearer.gait.at(np.array([frame.header.t_exposure_ns]))
+        w = tuple(motion.w_WB_B_radps[0].tolist())
+        pairs.append((estimator.estimate(frame, motion.R_WB[0], w, np.zeros((3, 3))), truth))
+    return pairs, wearer.calibration
+
+
+def errors(pairs: list[tuple[GroundPlane, GroundTruth]]) -> np.ndarray:
+    return np.array(
+        [
+            (
+                ground.slope_sagittal_rad - truth.slope_sagittal_rad,
+                ground.slope_frontal_rad - truth.slope_frontal_rad,
+                ground.height_m - truth.height_m,
+            )
+            for ground, truth in pairs
+            if not truth.transition
+        ]
+    )
+
+
+@pytest.mark.parametrize(("name", "seed", "first"), [("standing", 11, 20), ("level", 12, 80), ("ramps", 13, 150)])
+def test_slope_and_height_agree_with_the_truth_within_what_is_stated(name: str, seed: int, first: int) -> None:
+    pairs, _ = seen(name, seed, first, 30)
+    assert all(ground.status is Status.VALID for ground, _ in pairs)
+    rms = np.sqrt((errors(pairs) ** 2).mean(axis=0))
+    assert np.degrees(rms[0]) < 0.3
+    assert np.degrees(rms[1]) < 0.2
+    assert rms[2] < 0.005
+    stated = np.array([ground.covariance for ground, truth in pairs if not truth.transition])[:, [0, 3, 5]]
+    within = np.abs(errors(pairs)) <= 1.96 * np.sqrt(stated)
+    assert within.mean() > 0.85
+
+
+def test_rolling_shutter_is_corrected() -> None:
+    wearer = SimulatedWearer(14, scenario("level"), START_NS, perfect_calibration=True)
+    with_rate: list[tuple[GroundPlane, GroundTruth]] = []
+    without: list[tuple[GroundPlane, GroundTruth]] = []
+    for frame, truth in wearer.frames(40, first=80):
+        motion = wearer.gait.at(np.array([frame.header.t_exposure_ns]))
+        w = tuple(motion.w_WB_B_radps[0].tolist())
+        for rate, found in ((w, with_rate), ((0.0, 0.0, 0.0), without)):
+            fresh = GroundEstimator(wearer.calibration, FootholdSettings())
+            found.append((fresh.estimate(frame, motion.R_WB[0], rate, np.zeros((3, 3))), truth))
+    assert np.abs(errors(with_rate)[:, 0]).mean() < 0.8 * np.abs(errors(without)[:, 0]).mean()
+
+
+def test_at_an_edge_the_stated_uncertainty_grows() -> None:
+    pairs, _ = seen("mixed", 15, 90, 90)
+    spread = {
+        edge: np.median([g.covariance[0] + g.covariance[5] for g, t in pairs if t.transition is edge])
+        for edge in (True, False)
+    }
+    assert spread[True] > 3.0 * spread[False]
+
+
+def test_a_region_outside_the_picture_is_out_of_view() -> None:
+    wearer = SimulatedWearer(16, scenario("standing"), START_NS, perfect_calibration=True)
+    far = GroundEstimator(wearer.calibration, FootholdSettings(ahead_m=0.2))
+    frame, _ = next(iter(wearer.frames(1)))
+    motion = wearer.gait.at(np.array([frame.header.t_exposure_ns]))
+    ground = far.estimate(frame, motion.R_WB[0], (0.0, 0.0, 0.0), np.zeros((3, 3)))
+    assert (ground.status, ground.reason) == (Status.INVALID, Reason.FOOTHOLD_OUT_OF_VIEW)
+    assert np.isnan(ground.height_m)
+
+
+def test_a_camera_that_looks_straight_down_has_no_heading() -> None:
+    wearer = SimulatedWearer(16, scenario("standing"), START_NS, perfect_calibration=True)
+    frame, _ = next(iter(wearer.frames(1)))
+    R_BC = np.array(wearer.calibration.X_BL.R) @ Rectifier(wearer.calibration.stereo, 2).R_LC
+    down = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]) @ R_BC.T
+    estimator = GroundEstimator(wearer.calibration, FootholdSettings())
+    assert estimator.estimate(frame, down, (0.0, 0.0, 0.0), np.zeros((3, 3))).reason is Reason.FOOTHOLD_OUT_OF_VIEW
+
+
+def test_ground_nearer_than_the_search_can_match_is_out_of_range() -> None:
+    rectifier = Rectifier(SimulatedWearer(16, scenario("standing"), START_NS).calibration.stereo, 1)
+    s = np.sqrt(0.5)
+    R_HC = np.array([[0, -s, s], [-1, 0, 0], [0, -s, -s]])
+    near = FootholdSettings(ahead_m=0.3, half_length_m=0.1)
+    with pytest.raises(OutOfRangeError):
+        view_of(near.footprint(Plane((0.0, 0.0), 0.35), 0.2), R_HC, rectifier)
