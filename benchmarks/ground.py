@@ -37,6 +37,7 @@ class Scene(NamedTuple):
     frame: StereoFrame
     R_HC: FloatArray
     w_C_radps: FloatArray
+    height_rate_mps: float
     true: Plane
 
 
@@ -58,7 +59,10 @@ def scenes(seed: int) -> tuple[SimulatedWearer, list[Scene]]:
             continue
         gradient = (float(np.tan(truth.slope_sagittal_rad)), float(np.tan(truth.slope_frontal_rad)))
         true = Plane(gradient, truth.height_m)
-        found.append(Scene(frame, R_WH.T @ R_WC, R_BC.T @ motion.w_WB_B_radps[0], true))
+        climb_mps = np.tan(truth.slope_sagittal_rad) * np.hypot(*motion.v_WB_mps[0, :2])
+        height_rate_mps = float(motion.v_WB_mps[0, 2] - climb_mps)
+        w_C_radps = R_BC.T @ motion.w_WB_B_radps[0]
+        found.append(Scene(frame, R_WH.T @ R_WC, w_C_radps, height_rate_mps, true))
     return wearer, found
 
 
@@ -67,7 +71,7 @@ def this_project(wearer: SimulatedWearer) -> Method:
     meter = GroundMeter(wearer.calibration.stereo, wearer.calibration.residual)
 
     def measure(scene: Scene) -> Plane | None:
-        found = meter.measure(scene.frame.left, scene.frame.right, scene.R_HC, scene.w_C_radps, REGION, None)
+        found = meter.measure(scene.frame.left, scene.frame.right, scene.R_HC, scene.w_C_radps, scene.height_rate_mps, REGION, None)
         return found.fit.plane if found.fit is not None else None
 
     return measure

@@ -182,7 +182,7 @@ class AttitudeKalman:
             self._measure(state, known_s)
 
     def _notice_rest(self, state: AttitudeState) -> bool:
-        """Begin or end a rest; return True where the velocity belongs to no rest and no walk: a vehicle, or an error."""
+        """Begin or end a rest; return True where the velocity belongs to none and no walk: a vehicle, or an error."""
         settings = self.settings
         variance = max(state.covariance[6, 6], state.covariance[7, 7]) + settings.sway_mps**2
         stands_still = math.hypot(*state.v_W[:2]) <= _FAR * math.sqrt(variance)

@@ -54,7 +54,7 @@ class AttitudeSettings:
     moving_start_speed_mps: float = 2.0
     # Missing samples: a motion strays from the trapezoid by `unseen_*` × the missing time. Longer than `gap_s` the
     # attitude is held, and strays by `gap_*` × √time; after `restart_s` it starts again.
-    unseen_w_radps: float = math.radians(6.0)
+    unseen_w_radps: float = math.radians(10.0)
     unseen_sf_mps2: float = 3.0
     gap_s: float = 0.1
     gap_rotation_rad_rts: float = math.radians(10.0)

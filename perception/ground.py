@@ -51,12 +51,14 @@ class GroundMeter:
         right: GreyImage,
         R_HC: FloatArray,
         w_HC_C_radps: FloatArray,
+        height_rate_mps: float,
         region: FootholdSettings,
         expected: Plane | None,
     ) -> GroundMeasurement:
         """Return the plane in H of the raw pair `left`, `right`, (height, width) uint8 of the calibrated size.
 
-        `R_HC` holds at mid-exposure of the middle row; `w_HC_C_radps` turns the other rows of a rolling shutter.
+        `R_HC` holds at mid-exposure of the middle row; for the other rows of a rolling shutter `w_HC_C_radps` turns
+        the camera and `height_rate_mps` lifts it off the ground.
         `expected` is the plane as predicted from earlier frames.
         """
         foreseen = expected or Plane((0.0, 0.0), region.nominal_height_m)
@@ -74,8 +76,9 @@ class GroundMeter:
         disparity_px = disparity_px[::stride, ::stride]
         row_time_s = self.rectifier.row_time_s[window.rows, window.columns][::stride, ::stride, None]
         rays_C = self.rectifier.rays_C(window)[::stride, ::stride]
-        # R_HC(t + τ) r ≈ R_HC (r + τ ω × r)
+        # R_HC(t + τ) r ≈ R_HC (r + τ ω × r), and by (1) h(t + τ) = h + τ ḣ divides what a ray sees
         rays_H = (rays_C + row_time_s * np.cross(w_HC_C_radps, rays_C)) @ R_HC.T
+        rays_H /= 1.0 + row_time_s * (height_rate_mps / foreseen.height_m)
 
         fB_px_m = self._fitter.fB_px_m
         foreseen_px = np.maximum(rays_H @ foreseen.theta(fB_px_m), _LEAST_DISPARITY_PX)

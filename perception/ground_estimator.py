@@ -31,10 +31,12 @@ class GroundEstimator:
         w_WB_B_radps: Vec3,
         rotation_cov_W_rad2: FloatArray,
         *,
+        height_rate_mps: float = 0.0,
         reduced: bool = False,
     ) -> GroundPlane:
         """Return the ground in H of `frame`, given the attitude, its covariance and the rate at mid-exposure.
 
+        `height_rate_mps` is how fast the camera moves away from the ground: a walker's bob, not the climb of a ramp.
         With `reduced` only the middle half of the region's width is matched.
         """
         if frame.left.shape[::-1] != self._meter.rectifier.raw_size_px:
@@ -50,7 +52,8 @@ class GroundEstimator:
 
         def measure(swapped: bool) -> GroundMeasurement:
             left, right = (frame.right, frame.left) if swapped else (frame.left, frame.right)
-            return self._meter.measure(left, right, R_WH.T @ R_WC, w_WC_C_radps, region, None if swapped else expected)
+            plane = None if swapped else expected
+            return self._meter.measure(left, right, R_WH.T @ R_WC, w_WC_C_radps, height_rate_mps, region, plane)
 
         measured = measure(swapped=False)
         if measured.fit is None:

@@ -1,0 +1,111 @@
+"""The equations of the attitude filter again, slowly: matrices throughout, one prediction a sample, matrix
+exponentials, scalar measurements one by one in Joseph's form.
+
+It starts from a state of the fast filter and goes on walking, or standing, as that state does; it knows neither
+starts and stops nor gaps and clipping.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+from messages import Residual
+from perception.attitude import AttitudeSettings, AttitudeState
+
+Array = NDArray[np.float64]
+
+
+class ReferenceAttitude:
+    """R_WB (3, 3), v_W, u_W, b, a (3,), M (3, 3), and P (24, 24) of the errors θ, b, v, u, a, M."""
+
+    def __init__(self, settings: AttitudeSettings, residual: Residual, start: AttitudeState) -> None:
+        w, x, y, z = start.q_WB
+        self.R_WB: Array = Rotation.from_quat((x, y, z, w)).as_matrix()
+        self.v_W = np.array(start.v_W)
+        self.u_W = np.array(start.drift_W)
+        self.b = np.array(start.gyro_bias)
+        self.a = np.array(start.sf_bias)
+        self.M = np.array(start.gyro_matrix).reshape(3, 3)
+        self.P = start.covariance.copy()
+        self._resting = start.resting
+        self._rest = start.rest
+        self._w_before = np.array(start.w_measured)
+        self._sf_before = np.array(start.sf_measured)
+        self._t_ns = start.t_ns or 0
+        self._since_correction_s = 0.0
+        self._mean_square_swing = start.mean_square_swing
+        self._settings = settings
+        self._scale = residual.scale
+
+    def update(self, t_ns: int, sf: Array, w: Array) -> None:
+        """Take one sample."""
+        dt = 1e-9 * (t_ns - self._t_ns)
+        self._t_ns = t_ns
+        sf_x, sf_y, sf_z = sf
+        w_x, w_y, w_z = w
+        self._rest.update(self._settings.rest, (sf_x, sf_y, sf_z), (w_x, w_y, w_z), dt)
+        self._predict(sf, w, dt)
+        self._since_correction_s += dt
+        if self._since_correction_s >= self._settings.correction_s:
+            self._measure(self._since_correction_s)
+            self._since_correction_s = 0.0
+
+    def _predict(self, sf: Array, w: Array, dt: float) -> None:
+        s = self._settings
+        w_mid = (self._w_before + w) / 2.0
+        sf_W_before = self.R_WB @ (self._sf_before - self.a)
+        self.R_WB = self.R_WB @ Rotation.from_rotvec(self._rate(w_mid) * dt).as_matrix()
+        acceleration = (sf_W_before + self.R_WB @ (sf - self.a)) / 2.0 - (0.0, 0.0, s.gravity_mps2)
+        self.v_W = self.v_W + acceleration * dt
+        self._w_before, self._sf_before = w, sf
+
+        deviation, time_s = (s.sway_mps, s.sway_time_s) if self._resting else (s.drift_mps, s.drift_time_s)
+        yaw_rate = self.R_WB[2] @ self._rate(w_mid)
+        A = np.zeros((24, 24))
+        A[0:3, 3:6] = -self.R_WB
+        A[0:3, 15:24] = -np.kron(self.R_WB, w_mid[np.newaxis])
+        A[6:9, 0:3] = s.gravity_mps2 * np.cross(np.eye(3), (0.0, 0.0, 1.0)).T  # column i: e_i × e_z
+        A[6:9, 12:15] = -self.R_WB
+        A[9:12, 9:12] = yaw_rate * np.array(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))) - np.eye(3) / time_s
+        F = expm(A * dt)
+        self.u_W = F[9:12, 9:12] @ self.u_W
+        Q = np.zeros(24)
+        Q[0:3] = s.gyro_noise_radps_rthz**2 + self._scale**2 * s.gyro_scale_time_s * (w_mid @ w_mid)
+        Q[3:6] = s.gyro_bias_walk_radps_rts**2
+        Q[6:9] = s.sf_noise_mps2_rthz**2 + self._scale**2 * s.sf_scale_time_s * (acceleration @ acceleration)
+        Q[9:12] = 2.0 * deviation**2 / time_s
+        Q[12:15] = s.sf_bias_walk_mps2_rts**2
+        self.P = F @ self.P @ F.T + np.diag(Q * dt)
+
+    def _measure(self, dt: float) -> None:
+        s = self._settings
+        identity = np.eye(24)
+        swing = self.v_W - self.u_W
+        measurements: list[tuple[Array, float, float]] = []
+        if self._resting:
+            rate = self._rate(np.array(self._rest.mean_w_B))
+            measurements += [(identity[3 + i], rate[i], s.sway_rate_radps_rts**2 / dt) for i in range(3)]
+            density = s.sway_swing_mps_rts**2
+        else:
+            gain = dt / (dt + s.swing_average_s)
+            self._mean_square_swing += gain * (swing[0] ** 2 + swing[1] ** 2 - self._mean_square_swing)
+            density = s.swing_floor_mps_rts**2 + s.swing_time_s * self._mean_square_swing
+        measurements += [(identity[6 + i] - identity[9 + i], -swing[i], density / dt) for i in range(3)]
+        error = np.zeros(24)
+        for h, value, variance in measurements:
+            k = self.P @ h / (h @ self.P @ h + variance)
+            error += k * (value - h @ error)
+            joseph = identity - np.outer(k, h)
+            self.P = joseph @ self.P @ joseph.T + variance * np.outer(k, k)
+        turn = Rotation.from_rotvec(error[0:3]).as_matrix()
+        self.R_WB = turn @ self.R_WB
+        self.b = self.b + error[3:6]
+        self.v_W = turn @ self.v_W + error[6:9]
+        self.u_W = turn @ self.u_W + error[9:12]
+        self.a = self.a + error[12:15]
+        self.M = self.M + error[15:24].reshape(3, 3)
+
+    def _rate(self, w: Array) -> Array:
+        rate: Array = w - self.M @ w - self.b
+        return rate
