@@ -108,6 +108,7 @@ class Pipeline:
                 attitude.R_WB,
                 attitude.w_WB_B,
                 self._attitude.rotation_cov_W_rad2,
+                height_rate_mps=attitude.bob_mps,
                 reduced=self._load is Load.REDUCED,
             )
         )

@@ -58,6 +58,11 @@ class AttitudeFilter:
         return self._kalman.rate(self._state, self._state.w_measured)
 
     @property
+    def bob_mps(self) -> float:
+        """Return how fast the IMU rises at the last sample, m/s, about the mean of the walk; 0 before the start."""
+        return self._state.v_W[2] - self._state.drift_W[2]
+
+    @property
     def gyro_bias(self) -> Vec3:
         """Return the gyroscope's bias in B, rad/s; zero until the first start."""
         return self._state.gyro_bias

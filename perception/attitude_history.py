@@ -15,11 +15,12 @@ class OutsideHistoryError(LookupError):
 
 
 class AttitudeAt(NamedTuple):
-    """Attitude and angular rate (rad/s, in B) at one instant."""
+    """Attitude, angular rate (rad/s, in B) and the bob of a walk (m/s, upwards, about its mean) at one instant."""
 
     t_ns: int
     q_WB: Quaternion
     w_WB_B: Vec3
+    bob_mps: float = 0.0
 
     @property
     def R_WB(self) -> Array:
@@ -52,11 +53,11 @@ class AttitudeHistory:
         """Forget everything, as after a new start of the filter, whose yaw starts anew."""
         self._ring.clear()
 
-    def append(self, t_ns: int, q_WB: Quaternion, w_WB_B: Vec3) -> None:
+    def append(self, t_ns: int, q_WB: Quaternion, w_WB_B: Vec3, bob_mps: float = 0.0) -> None:
         """Take the newest attitude. Raises ValueError where it is not later than the one before it."""
         if self._ring and t_ns <= self._ring[-1].t_ns:
             raise ValueError(f"attitude at {t_ns} ns: must be later than the newest, at {self._ring[-1].t_ns} ns")
-        self._ring.append(AttitudeAt(t_ns, q_WB, w_WB_B))
+        self._ring.append(AttitudeAt(t_ns, q_WB, w_WB_B, bob_mps))
         while self._ring[0].t_ns < t_ns - self._length_ns:
             self._ring.popleft()
 
@@ -88,10 +89,11 @@ class AttitudeHistory:
             )
         dt_s = 1e-9 * (t_ns - newest.t_ns)
         turn = so3.quaternion_from_rotvec(vec3.scaled(newest.w_WB_B, dt_s))
-        return AttitudeAt(t_ns, so3.positive(so3.multiply(newest.q_WB, turn)), newest.w_WB_B)
+        return AttitudeAt(t_ns, so3.positive(so3.multiply(newest.q_WB, turn)), newest.w_WB_B, newest.bob_mps)
 
 
 def _between(before: AttitudeAt, after: AttitudeAt, t_ns: int) -> AttitudeAt:
     share = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
     rate = vec3.between(before.w_WB_B, after.w_WB_B, share)
-    return AttitudeAt(t_ns, so3.slerp(before.q_WB, after.q_WB, share), rate)
+    bob_mps = before.bob_mps + share * (after.bob_mps - before.bob_mps)
+    return AttitudeAt(t_ns, so3.slerp(before.q_WB, after.q_WB, share), rate, bob_mps)

@@ -58,7 +58,8 @@ class AttitudeTrack:
         if self._filter.status is Status.VALID:
             if self._before_start:
                 self._look_back(sample.t_sample_ns)
-            self._history.append(sample.t_sample_ns, self._filter.q_WB, self._filter.w_WB_B)
+            state = self._filter
+            self._history.append(sample.t_sample_ns, state.q_WB, state.w_WB_B, state.bob_mps)
         else:
             # a new start has a new yaw: nothing of the track before it may be mixed with what follows
             self._history.clear()
