@@ -71,7 +71,8 @@ def this_project(wearer: SimulatedWearer) -> Method:
     meter = GroundMeter(wearer.calibration.stereo, wearer.calibration.residual)
 
     def measure(scene: Scene) -> Plane | None:
-        found = meter.measure(scene.frame.left, scene.frame.right, scene.R_HC, scene.w_C_radps, scene.height_rate_mps, REGION, None)
+        left, right = scene.frame.left, scene.frame.right
+        found = meter.measure(left, right, scene.R_HC, scene.w_C_radps, scene.height_rate_mps, REGION, None)
         return found.fit.plane if found.fit is not None else None
 
     return measure
