@@ -1,5 +1,6 @@
 """The `gaiteyes` command. Wiring only: every command imports what it needs when it is called, so --help is fast."""
 
+import logging
 import sys
 
 import click
@@ -27,6 +28,7 @@ def main() -> None:
     """Run the command line; a user's mistake is one line on stderr and exit code 2."""
     from messages.errors import UserError
 
+    logging.basicConfig(format="gaiteyes: %(message)s")
     try:
         code = app(standalone_mode=False)
     except UserError as error:

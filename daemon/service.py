@@ -26,13 +26,13 @@ from daemon.latency import FrameTimes, LatencyLog
 from daemon.pipeline import Pipeline
 from daemon.recorder import Recorder
 from daemon.stamping import Stamper
+from daemon.watch import GroundWatch, LoadDecision, Outage
 from drivers.protocols import AnkleSource, DeviceError, ImuSource, StereoSource
 from messages import (
     DeviceCounters,
     Estimate,
     FrameHeader,
     GroundPlane,
-    Load,
     LoadLevel,
     Stamp,
     StereoFrame,
@@ -45,7 +45,6 @@ TICK_NS = 10_000_000
 IMU_POLL_NS = 4_700_000
 """Off any simple ratio to the chip's 10 ms, so that polls fall at all phases of it: the sample clock lives on that."""
 REOPEN_PAUSE_S = 0.2
-RELAX_AFTER_S = 5.0
 
 
 class Publisher(Protocol):
@@ -110,6 +109,7 @@ class Service:
         self._observers = observers
         self._inbox = Inbox()
         self._seen: OrderedDict[int, FrameHeader] = OrderedDict()
+        self._ground_watch = GroundWatch()
         self._stopping = threading.Event()
         self._producers_ended = threading.Event()
         self._died: list[str] = []
@@ -182,7 +182,7 @@ class Service:
         return threading.Thread(target=supervised, name=f"gaiteyes-{name}")
 
     def _read_imu(self) -> None:
-        down = _Outage("IMU")
+        down = Outage("IMU")
         for _ in self._beats(IMU_POLL_NS):
             try:
                 samples = self._devices.imu.read()
@@ -196,7 +196,7 @@ class Service:
                 self._inbox.put(sample)
 
     def _read_camera(self) -> None:
-        down = _Outage("camera")
+        down = Outage("camera")
         while not self._stopping.is_set():
             try:
                 frame = self._devices.camera.read(timeout_s=0.1)
@@ -215,7 +215,7 @@ class Service:
                 self._inbox.put(state)
 
     def _keep_time(self) -> None:
-        load = _LoadDecision()
+        load = LoadDecision()
         for beat in self._beats(TICK_NS):
             now_ns = time.monotonic_ns()
             self._inbox.put(Tick(t_ns=now_ns))
@@ -275,7 +275,10 @@ class Service:
         stamp = self._stamper.stamp(estimate, computed_ns)
         for publisher in self._publishers:
             publisher.publish(estimate, stamp)
-        header = self._seen.pop(estimate.frame_seq, None) if isinstance(estimate, GroundPlane) else None
+        header = None
+        if isinstance(estimate, GroundPlane):
+            header = self._seen.pop(estimate.frame_seq, None)
+            self._ground_watch.saw(estimate.reason)
         if header is not None:
             self.latency.add(
                 FrameTimes(
@@ -301,47 +304,6 @@ class Service:
 
 
 _FRAMES_IN_HAND = 4
-
-
-class _Outage:
-    """Logs the beginning and the end of a device's absence, not every attempt in between."""
-
-    def __init__(self, device: str) -> None:
-        self._device = device
-        self._out = False
-
-    def began(self, error: DeviceError) -> None:
-        if not self._out:
-            log.error("%s lost: %s", self._device, error)
-        self._out = True
-
-    def ended(self) -> None:
-        if self._out:
-            log.warning("%s is back", self._device)
-        self._out = False
-
-
-class _LoadDecision:
-    """REDUCED once two frames were superseded within a second; NORMAL again after `RELAX_AFTER_S` without any."""
-
-    def __init__(self) -> None:
-        self._superseded = 0
-        self._load = Load.NORMAL
-        self._calm_since_ns = 0
-
-    def decide(self, superseded: int, now_ns: int) -> Load | None:
-        """Return the new load level if it changes; called once a second."""
-        lost, self._superseded = superseded - self._superseded, superseded
-        if lost:
-            self._calm_since_ns = now_ns
-        calm_s = (now_ns - self._calm_since_ns) * 1e-9
-        if self._load is Load.NORMAL and lost >= 2:
-            self._load = Load.REDUCED
-        elif self._load is Load.REDUCED and calm_s > RELAX_AFTER_S:
-            self._load = Load.NORMAL
-        else:
-            return None
-        return self._load
 
 
 @contextlib.contextmanager

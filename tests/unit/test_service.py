@@ -177,10 +177,8 @@ def test_a_camera_that_goes_and_returns_is_said_to_be_silent_in_between(
 
     with caplog.at_level(logging.WARNING, "gaiteyes"):
         rig.until("the camera came back", story)
-    assert [record.message for record in caplog.records] == [
-        "camera lost: /dev/video0: unplugged",
-        "camera is back",
-    ]
+    told = [record.message for record in caplog.records if record.message.startswith("camera")]
+    assert told == ["camera lost: /dev/video0: unplugged", "camera is back"]
 
 
 def test_an_imu_that_goes_makes_frames_invalid_and_returns(rig: Rig) -> None:

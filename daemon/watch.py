@@ -1,0 +1,91 @@
+"""What the service notices of its own running, told to a person once and not with every frame."""
+
+import logging
+
+from drivers.protocols import DeviceError
+from messages import Load, Reason
+
+log = logging.getLogger("gaiteyes")
+
+RELAX_AFTER_S = 5.0
+FRAMES_BEFORE_TOLD = 20
+
+IN_WORDS = {
+    Reason.NOT_AT_REST: "the IMU is not at rest yet; stand still for a second",
+    Reason.NO_IMU: "no IMU samples for the frames",
+    Reason.NO_FRAME: "no frames from the camera",
+    Reason.LOW_TEXTURE: "too few pixels of the foothold could be matched",
+    Reason.NOT_PLANAR: "no plane explains the foothold",
+    Reason.TOO_STEEP: "the foothold is steeper than 40°",
+    Reason.FOOTHOLD_OUT_OF_VIEW: "the foothold is outside the picture; check how the camera is mounted",
+    Reason.OUT_OF_RANGE: "the ground is nearer than the search can match",
+    Reason.EYES_SWAPPED: "left and right are exchanged: the pair matches only the other way round",
+    Reason.WRONG_SIZE: "the frames are of another size than the calibration",
+}
+
+
+class Outage:
+    """Logs the beginning and the end of a device's absence, not every attempt in between."""
+
+    def __init__(self, device: str) -> None:
+        self._device = device
+        self._out = False
+
+    def began(self, error: DeviceError) -> None:
+        """Take one failed attempt."""
+        if not self._out:
+            log.error("%s lost: %s", self._device, error)
+        self._out = True
+
+    def ended(self) -> None:
+        """Take one success."""
+        if self._out:
+            log.warning("%s is back", self._device)
+        self._out = False
+
+
+class LoadDecision:
+    """REDUCED once two frames were superseded within a second; NORMAL again after `RELAX_AFTER_S` without any."""
+
+    def __init__(self) -> None:
+        self._superseded = 0
+        self._load = Load.NORMAL
+        self._calm_since_ns = 0
+
+    def decide(self, superseded: int, now_ns: int) -> Load | None:
+        """Return the new load level if it changes; called once a second."""
+        lost, self._superseded = superseded - self._superseded, superseded
+        if lost:
+            self._calm_since_ns = now_ns
+        calm_s = (now_ns - self._calm_since_ns) * 1e-9
+        if self._load is Load.NORMAL and lost >= 2:
+            self._load = Load.REDUCED
+        elif self._load is Load.REDUCED and calm_s > RELAX_AFTER_S:
+            self._load = Load.NORMAL
+        else:
+            return None
+        return self._load
+
+
+class GroundWatch:
+    """Logs why there is no ground once that has lasted a second, and when it ends.
+
+    STARTING is not told: it is soon over, or turns into another reason.
+    """
+
+    def __init__(self) -> None:
+        self._reason = Reason.NONE
+        self._frames = 0
+        self._told = False
+
+    def saw(self, reason: Reason) -> None:
+        """Take the reason of the next ground estimate."""
+        if reason is not self._reason:
+            if reason is Reason.NONE and self._told:
+                log.warning("the ground is seen again")
+            self._reason, self._frames = reason, 0
+            self._told = self._told and reason is not Reason.NONE
+        self._frames += 1
+        if reason in IN_WORDS and self._frames == FRAMES_BEFORE_TOLD:
+            log.warning("no ground: %s", IN_WORDS[reason])
+            self._told = True
