@@ -169,6 +169,8 @@ class _View:
             row_level, column_level = (int(level) for level in levels[:, begin])
             nodes = (slice(top + begin, top + end + 2), slice(left, right + 2))
             touched = cv2.dilate(seen[nodes[0].start : nodes[0].stop - 2, left:right].astype(np.uint8), np.ones((3, 3)))
+            if not touched.any():  # a piece at the picture's corner need not show in every band of its box
+                continue
             c_seen = c_m[nodes[0].start + 1 : nodes[0].stop - 1, left + 1 : right + 1][touched > 0]
             origin, column_level = _column_origin(float(c_seen.min()), float(c_seen.max()), column_level)
             W_band = W[nodes]

@@ -185,3 +185,9 @@ def test_two_runs_give_the_same_inputs() -> None:
             np.testing.assert_array_equal(one.right, other.right)
         else:
             assert one == other
+
+
+def test_a_frame_where_a_stair_shows_only_in_a_corner_of_its_box_is_rendered() -> None:
+    wearer = SimulatedWearer(37, scenario("mixed"), 10_000_000_000)
+    frame, _ = next(iter(wearer.frames(1, first=307)))
+    assert frame.left.std() > 10.0
