@@ -39,13 +39,20 @@ def rig(
     json: JsonFile = None,
 ) -> None:
     """The simulated wearer offline: slope and height error on each kind of ground, for several units."""
-    from cli.console import progress, score_table, seed_list, write_json
+    from cli.console import check_writable, progress, score_table, seed_list, write_json
     from sim_rig.offline import score_walk
+    from sim_rig.score import Scoreboard
 
-    totals = {}
+    check_writable(json)
+    boards = {}
     for seed in progress(seed_list(seeds), "walking"):
-        totals[seed] = score_walk(seed, scenario, seconds, perfect_calibration=perfect_calibration)
-    for seed, scores in totals.items():
-        score_table(f"unit {seed}, {scenario}, {seconds:g} s", scores)
+        boards[seed] = score_walk(seed, scenario, seconds, perfect_calibration=perfect_calibration)
+    together = Scoreboard()
+    for seed, board in boards.items():
+        together.take(board)
+        score_table(f"unit {seed}, {scenario}, {seconds:g} s", board.summary())
+    label = "perfect calibration" if perfect_calibration else "calibration with its stated residual"
+    score_table(f"all units together, {label}", together.summary())
     if json is not None:
-        write_json(json, {str(seed): scores for seed, scores in totals.items()})
+        units = {str(seed): board.summary() for seed, board in boards.items()}
+        write_json(json, {"calibration": label, "units": units, "together": together.summary()})

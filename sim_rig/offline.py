@@ -4,7 +4,7 @@ from daemon.pipeline import Pipeline
 from messages import GroundPlane
 from perception.foothold import FootholdSettings
 from sim_rig.scenario import Pace, scenario
-from sim_rig.score import Score, Scoreboard
+from sim_rig.score import Scoreboard
 from sim_rig.wearer import SimulatedWearer
 
 _START_NS = 10_000_000_000
@@ -17,8 +17,8 @@ def score_walk(
     *,
     pace: Pace | None = None,
     perfect_calibration: bool = False,
-) -> dict[str, Score]:
-    """Return the accuracy on each kind of ground of `seconds` of one unit's walk."""
+) -> Scoreboard:
+    """Return the errors of `seconds` of one unit's walk, with their ground."""
     wearer = SimulatedWearer(seed, scenario(scenario_name, pace), _START_NS, perfect_calibration)
     foothold = FootholdSettings()
     pipeline = Pipeline(wearer.calibration, foothold)
@@ -28,4 +28,4 @@ def score_walk(
             if isinstance(estimate, GroundPlane) and estimate.frame_seq >= 0:
                 truth = wearer.truth(estimate.t_exposure_ns, foothold.ahead_m, foothold.half_length_m)
                 board.add(estimate, truth)
-    return board.summary()
+    return board

@@ -1,0 +1,70 @@
+"""Scores are what they say: RMS over the valid frames, shares over all after the start."""
+
+import msgspec
+import numpy as np
+import pytest
+
+from messages import GroundPlane, GroundTruth, Reason, Status
+from sim_rig.score import Scoreboard
+
+VALID = GroundPlane(
+    t_exposure_ns=1,
+    frame_seq=1,
+    status=Status.VALID,
+    reason=Reason.NONE,
+    slope_sagittal_rad=0.02,
+    slope_frontal_rad=0.0,
+    height_m=0.95,
+    covariance=(1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-4),
+    ahead_m=0.7,
+    matched_share=0.9,
+    inlier_share=0.9,
+    disparity_noise_px=0.2,
+    calibration_id="x",
+)
+REFUSED = msgspec.structs.replace(
+    VALID,
+    status=Status.INVALID,
+    slope_sagittal_rad=np.nan,
+    slope_frontal_rad=np.nan,
+    height_m=np.nan,
+    covariance=(np.nan,) * 6,
+)
+STARTING = msgspec.structs.replace(REFUSED, status=Status.INITIALISING)
+TRUTH = GroundTruth(
+    t_exposure_ns=1,
+    slope_sagittal_rad=0.0,
+    slope_frontal_rad=0.0,
+    height_m=0.96,
+    q_WB=(1.0, 0.0, 0.0, 0.0),
+    kind="ramp",
+    transition=False,
+    standing=False,
+)
+
+
+def test_errors_are_of_the_valid_frames_and_shares_of_all_after_the_start() -> None:
+    board = Scoreboard()
+    for ground in (STARTING, VALID, VALID, VALID, REFUSED):
+        board.add(ground, TRUTH)
+    score = board.summary()["ramp"]
+    assert (score.frames, score.valid_share) == (4, 0.75)
+    assert score.slope_sagittal_rms_deg == pytest.approx(np.degrees(0.02))
+    assert score.height_rms_mm == pytest.approx(10.0)
+    assert score.coverage == pytest.approx(2 / 3)  # the slope is two of its 0.01 off
+    assert set(board.summary()) == {"ramp", "all"}
+
+
+def test_edges_and_standing_have_kinds_of_their_own() -> None:
+    board, other = Scoreboard(), Scoreboard()
+    board.add(VALID, msgspec.structs.replace(TRUTH, transition=True, standing=True))
+    other.add(VALID, msgspec.structs.replace(TRUTH, standing=True))
+    board.take(other)
+    assert {kind: score.frames for kind, score in board.summary().items()} == {"transition": 1, "standing": 1, "all": 2}
+
+
+def test_no_valid_frame_is_nan_and_never_zero() -> None:
+    board = Scoreboard()
+    board.add(REFUSED, TRUTH)
+    assert np.isnan(board.summary()["ramp"].height_rms_mm)
+    assert board.summary()["ramp"].valid_share == 0.0
