@@ -83,7 +83,7 @@ def demo(
         if hub is not None:
             hub.close()
 
-    facts = tally.summary(service.latency, service.ticks_skipped)
+    facts = tally.summary(service.latency, service.beats_skipped)
     scores = referee.scoreboard.summary()
     summary_tables(facts)
     label = "perfect calibration" if perfect_calibration else "calibration with its stated residual"

@@ -25,14 +25,16 @@ app.add_typer(evaluate, name="evaluate")
 
 
 def main() -> None:
-    """Run the command line; a user's mistake is one line on stderr and exit code 2."""
-    from messages.errors import UserError
+    """Run the command line; a user's mistake is one line on stderr and exit code 2, a failed service exit code 1."""
+    from messages.errors import ServiceError, UserError
 
     logging.basicConfig(format="gaiteyes: %(message)s")
     try:
         code = app(standalone_mode=False)
     except UserError as error:
-        sys.exit(_told(str(error)))
+        sys.exit(_told(str(error), code=2))
+    except ServiceError as error:
+        sys.exit(_told(str(error), code=1))
     except click.ClickException as error:
         error.show()
         sys.exit(2)
@@ -41,9 +43,9 @@ def main() -> None:
     sys.exit(code)
 
 
-def _told(line: str) -> int:
+def _told(line: str, *, code: int) -> int:
     print(f"gaiteyes: {line}", file=sys.stderr)
-    return 2
+    return code
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ def run(
     service = build_service(configuration, calibration, Source.LIVE, imu, camera, recorder, [tally])
     with stopped_by_signals(service), LiveStatus(tally) as live:
         service.run(seconds, status=live.refresh)
-    facts = tally.summary(service.latency, service.ticks_skipped)
+    facts = tally.summary(service.latency, service.beats_skipped)
     summary_tables(facts)
     if json is not None:
         write_json(json, facts)

@@ -34,6 +34,7 @@ from messages import (
     FrameHeader,
     GroundPlane,
     LoadLevel,
+    ServiceError,
     Stamp,
     StereoFrame,
     Tick,
@@ -82,10 +83,6 @@ class Devices:
     ankle: AnkleSource | None = None
 
 
-class ServiceError(Exception):
-    """A thread of the service died; its traceback is in the log."""
-
-
 class Service:
     """Runs the pipeline on `devices`. Every thread it starts has ended, and every device is closed, on return."""
 
@@ -114,7 +111,8 @@ class Service:
         self._producers_ended = threading.Event()
         self._died: list[str] = []
         self.latency = LatencyLog()
-        self.ticks_skipped = 0
+        self.beats_skipped = {"imu": 0, "timer": 0}
+        """Periods that came too late, of the loops that keep an absolute pace; each loop has its own count."""
 
     def stop(self) -> None:
         """Ask `run` to return; may be called from a signal handler."""
@@ -183,7 +181,7 @@ class Service:
 
     def _read_imu(self) -> None:
         down = Outage("IMU")
-        for _ in self._beats(IMU_POLL_NS):
+        for _ in self._beats("imu", IMU_POLL_NS):
             try:
                 samples = self._devices.imu.read()
             except DeviceError as error:
@@ -216,7 +214,7 @@ class Service:
 
     def _keep_time(self) -> None:
         load = LoadDecision()
-        for beat in self._beats(TICK_NS):
+        for beat in self._beats("timer", TICK_NS):
             now_ns = time.monotonic_ns()
             self._inbox.put(Tick(t_ns=now_ns))
             if beat % (1_000_000_000 // TICK_NS) == 0:
@@ -226,13 +224,13 @@ class Service:
                     log.warning("load level is now %s", changed.value)
                     self._inbox.put(LoadLevel(t_ns=now_ns, load=changed))
 
-    def _beats(self, period_ns: int) -> Iterator[int]:
+    def _beats(self, loop: str, period_ns: int) -> Iterator[int]:
         """Yield 0, 1, 2 … on an absolute grid until the service stops; on an overrun skip whole periods."""
         start_ns, beat = time.monotonic_ns(), 0
         while not self._stopping.is_set():
             yield beat
             due = (time.monotonic_ns() - start_ns) // period_ns + 1
-            self.ticks_skipped += due - beat - 1
+            self.beats_skipped[loop] += due - beat - 1
             beat = due
             self._stopping.wait((start_ns + beat * period_ns - time.monotonic_ns()) * 1e-9)
 

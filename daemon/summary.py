@@ -22,7 +22,7 @@ class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
     valid_share: float
     imu_samples_per_s: float
     imu_lost: int
-    ticks_skipped: int
+    beats_skipped: dict[str, int]
     latency: dict[str, Spread]
     cpu_share: float
     memory_settled_mb: float
@@ -62,7 +62,7 @@ class Tally:
             if self._settled_mb != self._settled_mb and time.monotonic() - self._start_s > SETTLED_S:
                 self._settled_mb = _resident_mb()
 
-    def summary(self, latency: LatencyLog, ticks_skipped: int) -> RunSummary:
+    def summary(self, latency: LatencyLog, beats_skipped: dict[str, int]) -> RunSummary:
         """Return the facts of the run so far."""
         seconds = time.monotonic() - self._start_s
         return RunSummary(
@@ -71,7 +71,7 @@ class Tally:
             valid_share=self._valid / self._started if self._started else float("nan"),
             imu_samples_per_s=_rate(self._samples, self._first_sample_ns, self._last_sample_ns),
             imu_lost=self.health.imu_lost if self.health is not None else 0,
-            ticks_skipped=ticks_skipped,
+            beats_skipped=beats_skipped,
             latency=latency.summary(),
             cpu_share=(_cpu_s() - self._cpu_start_s) / seconds,
             memory_settled_mb=self._settled_mb,

@@ -9,7 +9,7 @@ from messages.calibration import (
     matrix3,
     vec3,
 )
-from messages.errors import UserError
+from messages.errors import ServiceError, UserError
 from messages.estimates import (
     Attitude,
     Covariance3,
@@ -71,6 +71,7 @@ __all__ = [
     "Quaternion",
     "Reason",
     "Residual",
+    "ServiceError",
     "Source",
     "Stamp",
     "Status",

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from daemon.pipeline import Pipeline
-from daemon.service import Devices, Service, ServiceError
+from daemon.service import Devices, Service
 from daemon.stamping import Stamper
 from drivers.mpu6050 import Mpu6050Counters
 from drivers.protocols import DeviceError
@@ -22,6 +22,7 @@ from messages import (
     Health,
     ImuSample,
     Reason,
+    ServiceError,
     Source,
     Stamp,
     StereoFrame,
