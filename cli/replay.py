@@ -13,6 +13,8 @@ def replay(
     json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
 ) -> None:
     """Replay SOURCE through the pipeline; the same source gives the same bytes."""
+    from collections import Counter
+
     import cv2
 
     from cli.console import check_writable, console, floor_table, score_table, table, write_json
@@ -32,9 +34,16 @@ def replay(
     damage = opened.damage()
 
     valid = sum(ground.status is Status.VALID for ground in replayed.grounds)
+    refused = Counter(ground.reason.value for ground in replayed.grounds if ground.status is not Status.VALID)
     rows = [[f"{name} estimates", str(count)] for name, count in replayed.estimates.items()]
-    table(opened.title, ["", ""], [*rows, ["ground estimates that are valid", str(valid)]])
-    facts: dict[str, object] = {"estimates": replayed.estimates, "valid": valid, "damage": damage}
+    rows += [["ground that is valid", str(valid)], *([f"no ground: {why}", str(n)] for why, n in refused.items())]
+    table(opened.title, ["", ""], rows)
+    facts: dict[str, object] = {
+        "estimates": replayed.estimates,
+        "valid": valid,
+        "refused": dict(refused),
+        "damage": damage,
+    }
     truth = opened.rig_truth()
     if truth:
         board = Scoreboard()

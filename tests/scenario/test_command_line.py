@@ -12,7 +12,7 @@ import pytest
 
 from drivers.recording import McapRecording
 from messages import StereoFrame
-from tests.ports import free_port
+from tests.zenoh_peer import free_endpoint
 
 GAITEYES = [sys.executable, "-m", "cli.main"]
 
@@ -23,16 +23,12 @@ def gaiteyes(*arguments: object, timeout_s: float = 120.0) -> subprocess.Complet
     )
 
 
-def endpoint() -> str:
-    return f"tcp/127.0.0.1:{free_port()}"
-
-
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the recording and the summary of a short simulated walk."""
     folder = tmp_path_factory.mktemp("walk")
     done = gaiteyes(
-        "demo", "--seconds", 7, "--scenario", "level", "--zenoh", endpoint(), "--can", "virtual:test",
+        "demo", "--seconds", 7, "--scenario", "level", "--zenoh", free_endpoint(), "--can", "virtual:test",
         "--record", folder / "walk.mcap", "--json", folder / "walk.json",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -83,10 +79,10 @@ def test_a_recording_cut_in_the_middle_replays_up_to_the_damage(walk: Path, tmp_
 
 def test_interrupting_ends_cleanly_and_keeps_the_recording(tmp_path: Path) -> None:
     path = tmp_path / "walk.mcap"
+    command = [*GAITEYES, "demo", "--zenoh", free_endpoint(), "--can", "virtual:test", "--record", str(path)]
     process = subprocess.Popen(
-        [*GAITEYES, "demo", "--seconds", "60", "--zenoh", endpoint(), "--can", "virtual:test", "--record", str(path)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-    )  # fmt: skip
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
     deadline_s = time.monotonic() + 60.0
     while not (path.exists() and path.stat().st_size > 20e6) and time.monotonic() < deadline_s:
         time.sleep(0.1)

@@ -1,0 +1,95 @@
+"""The daemon's own drivers from end to end: ioctls and register reads in, protected CAN frames out, in real time."""
+
+import time
+from collections.abc import Iterator
+from contextlib import closing
+
+import can
+import pytest
+
+from daemon.pipeline import Pipeline
+from daemon.publish_can import CanPublisher
+from daemon.service import Devices, Service
+from daemon.stamping import Stamper, read_boot_id
+from drivers.can_link import CanInterface, CanLink, CanSettings
+from drivers.mpu6050 import Mpu6050
+from drivers.mpu6050_settings import Mpu6050Settings
+from drivers.v4l2 import V4l2StereoCamera
+from drivers.v4l2_device import LinuxKernel
+from messages import Reason, Source
+from messages.can_receiver import GroundReceiver, ReceivedGround, Refusal
+from perception.foothold import FootholdSettings
+from sim_rig.scenario import scenario
+from sim_rig.v4l2_node import V4l2Node
+from sim_rig.wearer import SimulatedWearer
+
+BUS = CanSettings(interface=CanInterface.VIRTUAL, channel="hardware-level")
+
+
+@pytest.fixture
+def wearer() -> Iterator[SimulatedWearer]:
+    with closing(SimulatedWearer(5, scenario("standing"), time.monotonic_ns())) as simulated:
+        yield simulated
+
+
+def heard(bus: can.BusABC, receiver: GroundReceiver) -> list[ReceivedGround]:
+    """Return the estimates that the frames waiting on the bus carry."""
+    found = []
+    while (frame := bus.recv(0.0)) is not None:
+        ground = receiver.feed(frame.arbitration_id, bytes(frame.data), time.monotonic_ns())
+        if not isinstance(ground, Refusal):
+            found.append(ground)
+    return found
+
+
+def test_a_standing_wearer_is_heard_on_can_and_an_unplugged_camera_falls_silent(wearer: SimulatedWearer) -> None:
+    # one picture for all frames: a wearer who stands sways by millimetres
+    frame, truth = next(iter(wearer.frames(1)))
+    node = V4l2Node(lambda _frame: (frame.left, frame.right), LinuxKernel())
+    imu = Mpu6050(wearer.imu_bus, settings=Mpu6050Settings())
+    imu.open()
+    stereo = wearer.calibration.stereo
+    camera = V4l2StereoCamera(
+        node.path,
+        stereo.left.width_px,
+        stereo.left.height_px,
+        pool_frames=8,
+        stamp_to_mid_exposure_s=stereo.stamp_to_mid_exposure_s,
+        kernel=node,
+    )
+    publisher = CanPublisher(CanLink(BUS))
+    service = Service(
+        Pipeline(wearer.calibration, FootholdSettings()),
+        Devices(imu=imu, camera=camera),
+        [publisher],
+        Stamper("test", read_boot_id(), Source.LIVE),
+        background={"can": publisher.drain},
+    )
+    receiver, grounds, after = GroundReceiver(), list[ReceivedGround](), list[ReceivedGround]()
+    unplugged_ns = 0
+
+    with can.Bus(BUS.channel, BUS.interface.value) as bus:
+
+        def story() -> None:
+            nonlocal unplugged_ns
+            found = heard(bus, receiver)
+            silent_s = 1e-9 * (time.monotonic_ns() - unplugged_ns) if unplugged_ns else 0.0
+            if not unplugged_ns:
+                grounds.extend(found)
+                if len(grounds) >= 10:
+                    node.unplug()
+                    unplugged_ns = time.monotonic_ns()
+            elif silent_s > 0.3:  # what was on its way when the cable came out has been heard by now
+                after.extend(found)
+            if silent_s > 1.0:
+                service.stop()
+
+        service.run(30.0, each_s=0.02, status=story)
+
+    assert len(grounds) >= 10
+    for ground in grounds:
+        assert ground.source is Source.LIVE
+        assert ground.height_m == pytest.approx(truth.height_m, abs=0.02)
+        assert abs(ground.slope_sagittal_rad) < 0.035
+    assert after == []
+    assert receiver.reason == Reason.NO_FRAME.value
