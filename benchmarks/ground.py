@@ -21,7 +21,7 @@ from perception.ground import GroundMeter
 from perception.ground_estimator import heading
 from perception.plane import Plane
 from perception.rectify import Rectifier, Window
-from sim_rig.scenario import scenario
+from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
 FloatArray = NDArray[np.float64]

@@ -8,9 +8,9 @@ import time
 import cv2
 import numpy as np
 
-from sim_rig.rig_camera import Scene
-from sim_rig.scenario import scenario
+from sim_rig.camera.rig_camera import Scene
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, draw_unit
+from sim_rig.walk.scenario import scenario
 
 FRAMES_A_LAP = 1005
 EXPOSURE_S = 0.006

@@ -11,8 +11,8 @@ from rich.progress import track
 from rich.table import Table
 
 from messages.errors import UserError
-from sim_rig.floor import FloorScore
-from sim_rig.score import Score
+from sim_rig.judge.floor import FloorScore
+from sim_rig.judge.score import Score
 
 T = TypeVar("T")
 _WIDTH_OF_A_FILE = 110

@@ -37,10 +37,10 @@ def demo(
     from drivers.mpu6050 import Mpu6050
     from drivers.mpu6050_settings import Mpu6050Settings
     from messages import Source
-    from sim_rig.referee import Referee
-    from sim_rig.scenario import Pace
-    from sim_rig.scenario import scenario as scenario_named
+    from sim_rig.judge.referee import Referee
     from sim_rig.slcan_hub import open_hub
+    from sim_rig.walk.scenario import Pace
+    from sim_rig.walk.scenario import scenario as scenario_named
     from sim_rig.wearer import SimulatedWearer
 
     check_writable(json)

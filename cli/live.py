@@ -10,7 +10,7 @@ from rich.text import Text
 from cli.console import console
 from daemon.summary import Tally
 from messages import GroundPlane, Status
-from sim_rig.referee import Referee
+from sim_rig.judge.referee import Referee
 
 
 class LiveStatus:

@@ -23,8 +23,8 @@ def replay(
     from daemon.config import load_configuration
     from daemon.pipeline import Pipeline
     from messages import Status, StereoFrame
-    from sim_rig.floor import score_floor
-    from sim_rig.score import Scoreboard
+    from sim_rig.judge.floor import score_floor
+    from sim_rig.judge.score import Scoreboard
 
     check_writable(json)
     cv2.setNumThreads(1)

@@ -12,7 +12,7 @@ from drivers.asl_folder import AslFolder
 from drivers.recording import McapRecording
 from messages import Calibration, GroundTruth, Input
 from perception.foothold import FootholdSettings
-from sim_rig.floor import TruePoses
+from sim_rig.judge.floor import TruePoses
 
 FLOOR_OF_A_FOLDER = FootholdSettings(ahead_m=1.5, half_length_m=0.75, half_width_m=0.75)
 """A folder's camera hangs nobody knows how: 0.75 to 2.25 m ahead is floor for most that look at one."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from messages import Calibration, ImuCalibration, Lens, Matrix3, Pose, Residual, StereoCalibration, Vec3
-from sim_rig.chip_unit import ChipUnit, draw_chip_unit
+from sim_rig.imu.chip_unit import ChipUnit, draw_chip_unit
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
 STANDARD_GRAVITY_MPS2 = 9.80665

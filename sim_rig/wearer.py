@@ -10,13 +10,13 @@ from drivers.mpu6050 import Mpu6050
 from drivers.mpu6050_settings import Mpu6050Settings
 from drivers.stereo_source import FramePair
 from messages import Calibration, GroundTruth, ImuSample, StereoFrame, Tick
-from sim_rig.i2c_bus import I2cWires, SimulatedI2cBus
-from sim_rig.mpu6050_chip import Mpu6050Chip
-from sim_rig.rig_camera import RigCamera, Scene
-from sim_rig.scenario import Scenario
-from sim_rig.shutter import Shutter
-from sim_rig.truth import TruthSource
+from sim_rig.camera.rig_camera import RigCamera, Scene
+from sim_rig.camera.shutter import Shutter
+from sim_rig.imu.i2c_bus import I2cWires, SimulatedI2cBus
+from sim_rig.imu.mpu6050_chip import Mpu6050Chip
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, draw_unit
+from sim_rig.walk.scenario import Scenario
+from sim_rig.walk.truth import TruthSource
 
 _IMU_ADDRESS = 0x68
 _IMU_POLL_NS = 5_000_000

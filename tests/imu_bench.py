@@ -9,10 +9,10 @@ from drivers.mpu6050 import Mpu6050
 from drivers.mpu6050_registers import FILTER_ROWS
 from drivers.mpu6050_settings import Mpu6050Settings
 from messages import ImuSample
-from sim_rig.chip_unit import SF_NOISE_DENSITY, W_NOISE_DENSITY, ChipUnit
-from sim_rig.i2c_bus import I2cWires
-from sim_rig.mpu6050_chip import Mpu6050Chip
-from sim_rig.mpu6050_signal import Motion
+from sim_rig.imu.chip_unit import SF_NOISE_DENSITY, W_NOISE_DENSITY, ChipUnit
+from sim_rig.imu.i2c_bus import I2cWires
+from sim_rig.imu.mpu6050_chip import Mpu6050Chip
+from sim_rig.imu.mpu6050_signal import Motion
 
 Floats = NDArray[np.float64]
 ADDRESS = 0x68

@@ -11,7 +11,7 @@ import pytest
 from drivers.protocols import DeviceError, StereoSource
 from drivers.v4l2 import V4l2StereoCamera
 from messages import DropCause, StereoFrame
-from sim_rig.v4l2_node import ManualClock, Mode, V4l2Node, stepping_card
+from sim_rig.camera.v4l2_node import ManualClock, Mode, V4l2Node, stepping_card
 
 POOL_FRAMES = 4
 TIMEOUT_S = 1.0

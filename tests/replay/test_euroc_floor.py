@@ -7,7 +7,7 @@ from cli.sources import open_source
 from daemon.pipeline import Pipeline
 from daemon.replay import replay
 from messages import Status, StereoFrame
-from sim_rig.floor import score_floor
+from sim_rig.judge.floor import score_floor
 from tests.data_folder import shared_data
 
 

@@ -19,8 +19,8 @@ from drivers.v4l2_device import LinuxKernel
 from messages import Reason, Source
 from messages.can_receiver import GroundReceiver, ReceivedGround, Refusal
 from perception.foothold import FootholdSettings
-from sim_rig.scenario import scenario
-from sim_rig.v4l2_node import V4l2Node
+from sim_rig.camera.v4l2_node import V4l2Node
+from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
 BUS = CanSettings(interface=CanInterface.VIRTUAL, channel="hardware-level")

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sim_rig.gait import GRAVITY_W_MPS2, Gait, Motion, Stand, Walk
-from sim_rig.scenario import SCENARIOS, Pace, Scenario, scenario
-from sim_rig.world import WorldBuilder
+from sim_rig.walk.gait import GRAVITY_W_MPS2, Gait, Motion, Stand, Walk
+from sim_rig.walk.scenario import SCENARIOS, Pace, Scenario, scenario
+from sim_rig.walk.world import WorldBuilder
 
 START_NS = 5_000_000_000
 STEP_NS = 100_000

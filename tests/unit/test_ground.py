@@ -8,7 +8,7 @@ from perception.foothold import FootholdSettings, OutOfRangeError, view_of
 from perception.ground_estimator import GroundEstimator
 from perception.plane import Plane
 from perception.rectify import Rectifier
-from sim_rig.scenario import scenario
+from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
 START_NS = 10_000_000_000

@@ -17,7 +17,7 @@ from drivers.mpu6050_registers import (
     RangeRow,
     Register,
 )
-from sim_rig.chip_unit import (
+from sim_rig.imu.chip_unit import (
     CLOCK_LIMIT,
     CROSS_AXIS_LIMIT,
     SCALE_LIMIT,
@@ -26,9 +26,9 @@ from sim_rig.chip_unit import (
     ChipUnit,
     draw_chip_unit,
 )
-from sim_rig.i2c_bus import I2cWires
-from sim_rig.mpu6050_chip import Mpu6050Chip
-from sim_rig.mpu6050_signal import LOOK_AHEAD_S, Motion, low_pass
+from sim_rig.imu.i2c_bus import I2cWires
+from sim_rig.imu.mpu6050_chip import Mpu6050Chip
+from sim_rig.imu.mpu6050_signal import LOOK_AHEAD_S, Motion, low_pass
 from tests.imu_bench import ADDRESS, NOISY, Floats, SimulatedTime, still
 
 AWAKE, PLL = 0x00, 0x01

@@ -26,7 +26,7 @@ from messages import (
 )
 from messages.codec import encode_line
 from perception.foothold import FootholdSettings
-from sim_rig.scenario import scenario
+from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
 START_NS = 10_000_000_000

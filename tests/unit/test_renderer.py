@@ -12,12 +12,12 @@ from scipy.ndimage import map_coordinates
 
 from messages import GreyImage, Lens, Pose
 from perception.rectify import Rectifier, Window
-from sim_rig import textures
-from sim_rig.gait import Gait, Leg, Stand, Walk
-from sim_rig.renderer import Effects, Renderer, undistorted_rays
-from sim_rig.scenario import scenario
+from sim_rig.camera import textures
+from sim_rig.camera.renderer import Effects, Renderer, undistorted_rays
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, draw_unit
-from sim_rig.world import World, WorldBuilder
+from sim_rig.walk.gait import Gait, Leg, Stand, Walk
+from sim_rig.walk.scenario import scenario
+from sim_rig.walk.world import World, WorldBuilder
 
 FloatArray = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ import pytest
 from drivers.protocols import DeviceError
 from drivers.stereo_source import GRID_NS
 from messages import DropCause, StereoFrame
-from sim_rig.rig_camera import RigCamera
-from sim_rig.scenario import scenario
+from sim_rig.camera.rig_camera import RigCamera
+from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from messages import GroundPlane, GroundTruth, Reason, Status
-from sim_rig.score import Scoreboard
+from sim_rig.judge.score import Scoreboard
 
 VALID = GroundPlane(
     t_exposure_ns=1,

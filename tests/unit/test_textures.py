@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from messages import GreyImage
-from sim_rig.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXTURES, TILE, canvas
+from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXTURES, TILE, canvas
 
 ROWS = 512
 

@@ -21,7 +21,7 @@ from drivers.stereo_source import FramePool
 from drivers.v4l2 import V4l2StereoCamera
 from drivers.v4l2_device import IoctlArgument, Kernel, LinuxKernel, split_eyes
 from messages import DropCause, StereoFrame
-from sim_rig.v4l2_node import ZED_MODES, Fault, ManualClock, Mode, V4l2Node, stepping_card
+from sim_rig.camera.v4l2_node import ZED_MODES, Fault, ManualClock, Mode, V4l2Node, stepping_card
 
 WIDTH, HEIGHT = 64, 32
 MODE = Mode("YUYV", 2 * WIDTH, HEIGHT)

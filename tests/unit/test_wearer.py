@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from messages import GroundTruth, ImuSample, Residual, StereoFrame, Tick
 from perception.rectify import Rectifier
-from sim_rig.scenario import scenario
 from sim_rig.unit import RESIDUAL
+from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
 START_NS = 7_000_000_000

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import UserError
-from sim_rig.scenario import SCENARIOS, Pace, scenario
-from sim_rig.world import WorldBuilder
+from sim_rig.walk.scenario import SCENARIOS, Pace, scenario
+from sim_rig.walk.world import WorldBuilder
 
 MIXED = scenario("mixed").world
 

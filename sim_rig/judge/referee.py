@@ -3,7 +3,7 @@
 from daemon.recorder import Recorder
 from messages import Estimate, FrameHeader, GroundPlane, GroundTruth
 from perception.foothold import FootholdSettings
-from sim_rig.score import Scoreboard
+from sim_rig.judge.score import Scoreboard
 from sim_rig.wearer import SimulatedWearer
 
 

@@ -15,7 +15,7 @@ from drivers.mpu6050_registers import (
     FilterRow,
     RangeRow,
 )
-from sim_rig.chip_unit import ChipUnit
+from sim_rig.imu.chip_unit import ChipUnit
 
 Floats = NDArray[np.float64]
 Motion = Callable[[NDArray[np.int64]], tuple[Floats, Floats]]

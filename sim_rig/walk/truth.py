@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from messages import GroundTruth, StereoCalibration
-from sim_rig.gait import Gait
 from sim_rig.unit import Unit, intrinsics
-from sim_rig.world import World
+from sim_rig.walk.gait import Gait
+from sim_rig.walk.world import World
 
 FloatArray = NDArray[np.float64]
 

@@ -31,11 +31,11 @@ from numpy.typing import NDArray
 from drivers.protocols import DeviceError
 from drivers.stereo_source import GRID_NS, FramePool
 from messages import DropCause, StereoFrame
-from sim_rig.gait import Gait
-from sim_rig.renderer import Renderer
-from sim_rig.scenario import Scenario
-from sim_rig.shutter import Shutter
+from sim_rig.camera.renderer import Renderer
+from sim_rig.camera.shutter import Shutter
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
+from sim_rig.walk.gait import Gait
+from sim_rig.walk.scenario import Scenario
 
 _SLOTS = 20
 _SLOT_SHAPE = (2, HEIGHT_PX, WIDTH_PX)

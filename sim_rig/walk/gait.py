@@ -22,7 +22,7 @@ from scipy.interpolate import PPoly, make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from sim_rig.world import World
+from sim_rig.walk.world import World
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -3,8 +3,8 @@
 from daemon.pipeline import Pipeline
 from messages import GroundPlane
 from perception.foothold import FootholdSettings
-from sim_rig.scenario import Pace, scenario
-from sim_rig.score import Scoreboard
+from sim_rig.judge.score import Scoreboard
+from sim_rig.walk.scenario import Pace, scenario
 from sim_rig.wearer import SimulatedWearer
 
 _START_NS = 10_000_000_000

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages import GreyImage, Lens
-from sim_rig.gait import FloatArray, Gait, Motion
-from sim_rig.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXEL_M, TILE, canvas
+from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXEL_M, TILE, canvas
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, intrinsics
-from sim_rig.world import Segment, World
+from sim_rig.walk.gait import FloatArray, Gait, Motion
+from sim_rig.walk.world import Segment, World
 
 _CELL = 8
 _ROWS, _COLUMNS = HEIGHT_PX // _CELL, WIDTH_PX // _CELL

@@ -25,8 +25,8 @@ from drivers.mpu6050_registers import (
     Register,
     UserControl,
 )
-from sim_rig.chip_unit import ChipUnit
-from sim_rig.mpu6050_signal import Motion, SignalChain, SignalSettings
+from sim_rig.imu.chip_unit import ChipUnit
+from sim_rig.imu.mpu6050_signal import Motion, SignalChain, SignalSettings
 
 _WRITABLE_BITS: dict[int, int] = {  # the rest reads 0
     Register.SMPLRT_DIV: 0xFF,

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from messages import UserError
-from sim_rig.gait import Leg, Stand, Walk
-from sim_rig.world import World, WorldBuilder
+from sim_rig.walk.gait import Leg, Stand, Walk
+from sim_rig.walk.world import World, WorldBuilder
 
 SPEED_RANGE_MPS = (0.4, 2.0)
 CADENCE_RANGE_HZ = (1.0, 2.6)
