@@ -29,7 +29,7 @@ def demo(
 
     from cli.console import check_writable, score_table, write_json
     from cli.live import LiveStatus
-    from cli.wiring import build_service, open_recorder, stopped_by_signals, summary_tables
+    from cli.wiring import build_service, open_outlets, open_recorder, stopped_by_signals, summary_tables
     from daemon.config import Configuration, load_configuration
     from daemon.publish_zenoh import ZenohSettings
     from daemon.summary import Tally
@@ -58,12 +58,13 @@ def demo(
     start_ns = time.monotonic_ns() + _LEAD_NS
     wearer = SimulatedWearer(seed, walk, start_ns, perfect_calibration)
     try:
-        recorder = None
-        if record is not None:
-            recorder = open_recorder(record, configuration, wearer.calibration, Source.SIMULATED, last)
         camera = wearer.camera()
         imu = Mpu6050(wearer.imu_bus, settings=Mpu6050Settings())
         imu.open()
+        outlets = open_outlets(configuration, wearer.calibration)
+        recorder = None
+        if record is not None:
+            recorder = open_recorder(record, configuration, wearer.calibration, Source.SIMULATED, last)
         tally = Tally()
         referee = Referee(wearer, configuration.foothold, recorder)
         service = build_service(
@@ -72,6 +73,7 @@ def demo(
             Source.SIMULATED,
             imu,
             camera,
+            outlets,
             recorder,
             [tally, referee],
             background={} if hub is None else {"can-hub": hub.serve},

@@ -21,7 +21,7 @@ def run(
     from calib.files import load_calibration
     from cli.console import check_writable, write_json
     from cli.live import LiveStatus
-    from cli.wiring import build_service, open_recorder, stopped_by_signals, summary_tables
+    from cli.wiring import build_service, open_outlets, open_recorder, stopped_by_signals, summary_tables
     from daemon.config import load_configuration
     from daemon.summary import Tally
     from drivers.mpu6050 import Mpu6050
@@ -43,9 +43,10 @@ def run(
         stamp_to_mid_exposure_s=stereo.stamp_to_mid_exposure_s,
         rate_hz=configuration.camera.rate_hz,
     )
+    outlets = open_outlets(configuration, calibration)
     recorder = open_recorder(record, configuration, calibration, Source.LIVE, last) if record is not None else None
     tally = Tally()
-    service = build_service(configuration, calibration, Source.LIVE, imu, camera, recorder, [tally])
+    service = build_service(configuration, calibration, Source.LIVE, imu, camera, outlets, recorder, [tally])
     with stopped_by_signals(service), LiveStatus(tally) as live:
         service.run(seconds, status=live.refresh)
     facts = tally.summary(service.latency, service.beats_skipped)

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
+from typing import NamedTuple
 
 from calib.files import format_calibration
 from cli.console import table
@@ -18,7 +19,7 @@ from daemon.stamping import Stamper, read_boot_id
 from daemon.summary import RunSummary
 from drivers.can_link import CanLink
 from drivers.protocols import ImuSource, StereoSource
-from messages import Calibration, Source
+from messages import Calibration, Source, UserError
 
 
 def open_recorder(
@@ -34,28 +35,45 @@ def open_recorder(
     return Recorder(path, info, last_s=last_s)
 
 
+class Outlets(NamedTuple):
+    """Where estimates go, opened and ready; `link` also hears the ankle."""
+
+    zenoh: ZenohPublisher
+    can: CanPublisher
+    link: CanLink
+
+
+def open_outlets(configuration: Configuration, calibration: Calibration) -> Outlets:
+    """Open Zenoh and CAN as configured; raises UserError, and leaves nothing open, if either cannot be."""
+    zenoh = ZenohPublisher(
+        configuration.zenoh, configuration.device, calibration=calibration, configuration=configuration
+    )
+    try:
+        link = CanLink(configuration.can)
+    except UserError:
+        zenoh.close()
+        raise
+    return Outlets(zenoh, CanPublisher(link), link)
+
+
 def build_service(
     configuration: Configuration,
     calibration: Calibration,
     source: Source,
     imu: ImuSource,
     camera: StereoSource,
+    outlets: Outlets,
     recorder: Recorder | None,
     observers: Sequence[Observer],
     background: Mapping[str, Background] | None = None,
 ) -> Service:
-    """Return the service on these devices, with Zenoh and CAN as configured."""
-    zenoh = ZenohPublisher(
-        configuration.zenoh, configuration.device, calibration=calibration, configuration=configuration
-    )
-    link = CanLink(configuration.can)
-    can = CanPublisher(link)
+    """Return the service on these devices and outlets."""
     return Service(
         Pipeline(calibration, configuration.foothold),
-        Devices(imu=imu, camera=camera, ankle=link),
-        [zenoh, can],
+        Devices(imu=imu, camera=camera, ankle=outlets.link),
+        [outlets.zenoh, outlets.can],
         Stamper(configuration.device, read_boot_id(), source),
-        background={"can": can.drain, **(background or {})},
+        background={"can": outlets.can.drain, **(background or {})},
         recorder=recorder,
         observers=observers,
     )

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -116,6 +117,17 @@ def test_a_mistake_is_one_clear_line(arguments: list[str], line: str) -> None:
     assert done.returncode == 2
     assert line in done.stderr
     assert done.stderr.strip().count("\n") == 0
+
+
+def test_a_taken_port_is_told_and_leaves_no_recording_behind(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        path = tmp_path / "walk.mcap"
+        done = gaiteyes("demo", "--seconds", 5, "--zenoh", endpoint, "--can", "virtual:test", "--record", path)
+    assert done.returncode == 2
+    assert endpoint in done.stderr
+    assert done.stderr.strip().count("\n") == 0
+    assert not path.exists()
 
 
 def test_run_never_falls_back_to_simulation(tmp_path: Path, walk: Path) -> None:
