@@ -103,3 +103,19 @@ def test_ground_nearer_than_the_search_can_match_is_out_of_range() -> None:
     near = FootholdSettings(ahead_m=0.3, half_length_m=0.1)
     with pytest.raises(OutOfRangeError):
         view_of(near.footprint(Plane((0.0, 0.0), 0.35), 0.2), R_HC, rectifier)
+
+
+def test_an_uncertain_attitude_makes_the_slope_about_its_axis_uncertain() -> None:
+    wearer = SimulatedWearer(16, scenario("standing"), START_NS, perfect_calibration=True)
+    frame, _ = next(iter(wearer.frames(1)))
+    R_WB = wearer.gait.at(np.array([frame.header.t_exposure_ns])).R_WB[0]
+
+    def slope_variances(pitch_rad: float, roll_rad: float) -> np.ndarray:
+        # the wearer faces x of W: a small rotation about W's y pitches, one about its x rolls
+        cov = np.diag([roll_rad**2, pitch_rad**2, 0.3])
+        ground = GroundEstimator(wearer.calibration, FootholdSettings()).estimate(frame, R_WB, (0.0, 0.0, 0.0), cov)
+        return np.array([ground.covariance[0], ground.covariance[3]])
+
+    none, pitched, rolled = slope_variances(0.0, 0.0), slope_variances(0.02, 0.0), slope_variances(0.0, 0.03)
+    assert pitched - none == pytest.approx([0.02**2, 0.0], abs=4e-6)
+    assert rolled - none == pytest.approx([0.0, 0.03**2], abs=9e-6)
