@@ -8,11 +8,10 @@ import msgspec
 from calib.asl_yaml import load_asl_calibration
 from calib.files import check_frame_size, parse_calibration
 from daemon.config import Configuration, parse_configuration
-from drivers.asl_folder import AslFolder
+from drivers.asl_folder import AslFolder, TruthTrack
 from drivers.recording import McapRecording
 from messages import Calibration, GroundTruth, Input
 from perception.foothold import FootholdSettings
-from sim_rig.judge.floor import TruePoses
 
 FLOOR_OF_A_FOLDER = FootholdSettings(ahead_m=1.5, half_length_m=0.75, half_width_m=0.75)
 """A folder's camera hangs nobody knows how: 0.75 to 2.25 m ahead is floor for most that look at one."""
@@ -26,7 +25,7 @@ class ReplaySource(msgspec.Struct, frozen=True, kw_only=True):
     configuration: Configuration
     inputs: Callable[[], Iterator[Input]]
     rig_truth: Callable[[], dict[int, GroundTruth]] = dict
-    poses: TruePoses | None = None
+    poses: TruthTrack | None = None
     damage: Callable[[], str | None] = lambda: None
 
 
@@ -51,11 +50,10 @@ def _folder(path: Path, configuration: Configuration | None) -> ReplaySource:
     folder = AslFolder(path)
     calibration = load_asl_calibration(folder.sensor_files, folder.unit)
     check_frame_size(calibration, folder.width_px, folder.height_px, str(path))
-    truth = folder.truth_attitude()
     return ReplaySource(
         title=f"{path}, {folder.width_px}×{folder.height_px}",
         calibration=calibration,
         configuration=configuration or Configuration(foothold=FLOOR_OF_A_FOLDER),
         inputs=folder.inputs,
-        poses=None if truth is None else TruePoses(**truth._asdict()),
+        poses=folder.truth_attitude(),
     )

@@ -46,7 +46,7 @@ class Rectifier:
         self.raw_size_px = size
         self.divisor = divisor
         self.width_px, self.height_px = size[0] // divisor, size[1] // divisor
-        K_L, K_R = _intrinsics(stereo.left), _intrinsics(stereo.right)
+        K_L, K_R = intrinsics(stereo.left), intrinsics(stereo.right)
         R_RL = np.array(stereo.X_RL.R)
         p_RL_m = np.array(stereo.X_RL.p_m)
         rectification = cv2.stereoRectify(
@@ -90,7 +90,8 @@ class Rectifier:
         )
 
 
-def _intrinsics(lens: Lens) -> FloatArray:
+def intrinsics(lens: Lens) -> FloatArray:
+    """Return K (3, 3): pixel = K · ray, without distortion."""
     return np.array([[lens.fx_px, 0, lens.cx_px], [0, lens.fy_px, lens.cy_px], [0, 0, 1.0]])
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from messages import Calibration, ImuCalibration, Lens, Matrix3, Pose, Residual, StereoCalibration, Vec3
+from messages import Calibration, ImuCalibration, Lens, Pose, Residual, StereoCalibration, matrix3, vec3
 from sim_rig.imu.chip_unit import ChipUnit, draw_chip_unit
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
@@ -50,10 +50,10 @@ class Unit:
         return Calibration(
             unit=self.name,
             imu=ImuCalibration(
-                sf_matrix=_matrix(_inverse(self.chip.sf_matrix)),
-                sf_bias_mps2=_vector(self.chip.sf_bias_mps2),
-                w_matrix=_matrix(_inverse(self.chip.w_matrix)),
-                w_bias_radps=_vector(self.chip.w_bias_radps),
+                sf_matrix=matrix3(np.linalg.inv(self.chip.sf_matrix)),
+                sf_bias_mps2=vec3(self.chip.sf_bias_mps2),
+                w_matrix=matrix3(np.linalg.inv(self.chip.w_matrix)),
+                w_bias_radps=vec3(self.chip.w_bias_radps),
             ),
             stereo=self.stereo,
             X_BL=self.X_BL,
@@ -70,19 +70,19 @@ class Unit:
 
         imu = replace(
             exact.imu,
-            sf_bias_mps2=_vector(self.chip.sf_bias_mps2 + axes(RESIDUAL.specific_force_mps2)),
-            sf_matrix=_matrix(np.diag(1.0 + axes(RESIDUAL.scale)) @ exact.imu.sf_matrix),
-            w_matrix=_matrix(np.diag(1.0 + axes(RESIDUAL.scale)) @ exact.imu.w_matrix),
+            sf_bias_mps2=vec3(self.chip.sf_bias_mps2 + axes(RESIDUAL.specific_force_mps2)),
+            sf_matrix=matrix3(np.diag(1.0 + axes(RESIDUAL.scale)) @ exact.imu.sf_matrix),
+            w_matrix=matrix3(np.diag(1.0 + axes(RESIDUAL.scale)) @ exact.imu.w_matrix),
         )
         toe_in = Rotation.from_rotvec([0.0, rng.normal(0.0, RESIDUAL.toe_in_rad), 0.0])
-        X_RL = replace(self.stereo.X_RL, R=_matrix(toe_in.as_matrix() @ self.stereo.X_RL.R))
+        X_RL = replace(self.stereo.X_RL, R=matrix3(toe_in.as_matrix() @ self.stereo.X_RL.R))
         time_s = self.stereo.stamp_to_mid_exposure_s + rng.normal(0.0, RESIDUAL.time_s)
         mounting = Rotation.from_rotvec(axes(RESIDUAL.camera_to_imu_rad))
         return replace(
             exact,
             imu=imu,
             stereo=replace(self.stereo, X_RL=X_RL, stamp_to_mid_exposure_s=time_s),
-            X_BL=replace(self.X_BL, R=_matrix(mounting.as_matrix() @ self.X_BL.R)),
+            X_BL=replace(self.X_BL, R=matrix3(mounting.as_matrix() @ self.X_BL.R)),
             residual=RESIDUAL,
         )
 
@@ -113,32 +113,15 @@ def draw_unit(seed: int, *, rolling_shutter: bool = True) -> Unit:
         left=left,
         right=right,
         X_RL=Pose(
-            R=_matrix(rotation(0.3)),
+            R=matrix3(rotation(0.3)),
             p_m=(-2 * _HALF_BASELINE_M + within(0.0003), within(0.00005), within(0.0003)),
         ),
         row_time_s=_ROW_TIME_S if rolling_shutter else 0.0,
         stamp_to_mid_exposure_s=-0.012 + within(0.004),
     )
     X_BL = Pose(
-        R=_matrix(rotation(1.5) @ R_BL_NOMINAL),
+        R=matrix3(rotation(1.5) @ R_BL_NOMINAL),
         p_m=(within(0.003), _HALF_BASELINE_M + within(0.003), within(0.003)),
     )
     gain = (1.0 + within(0.03), 1.0 + within(0.03))
     return Unit(name=f"rig-{seed}", chip=draw_chip_unit(rng), stereo=stereo, X_BL=X_BL, gain=gain)
-
-
-def intrinsics(lens: Lens) -> NDArray[np.float64]:
-    """Return the pinhole matrix K (3, 3)."""
-    return np.array([[lens.fx_px, 0.0, lens.cx_px], [0.0, lens.fy_px, lens.cy_px], [0.0, 0.0, 1.0]])
-
-
-def _inverse(M: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.linalg.inv(M).astype(np.float64)
-
-
-def _vector(v: NDArray[np.float64]) -> Vec3:
-    return (float(v[0]), float(v[1]), float(v[2]))
-
-
-def _matrix(M: NDArray[np.float64]) -> Matrix3:
-    return (_vector(M[0]), _vector(M[1]), _vector(M[2]))

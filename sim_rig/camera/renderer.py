@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages import GreyImage, Lens
+from perception.rectify import intrinsics
 from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXEL_M, TILE, canvas
-from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, intrinsics
+from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import FloatArray, Gait, Motion
 from sim_rig.walk.world import Segment, World
 

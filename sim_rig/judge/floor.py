@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.asl_folder import TruthTrack
 from messages import Calibration, GroundPlane, Status, StereoFrame
 from perception import so3
 from perception.foothold import FootholdSettings
@@ -14,24 +15,17 @@ from perception.ground_estimator import GroundEstimator
 FloatArray = NDArray[np.float64]
 
 
-class TruePoses(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """Poses of the IMU by time: `t_ns` (N,), `q_WB` (N, 4) w x y z, `p_WB_m` (N, 3), in the order of time."""
-
-    t_ns: NDArray[np.int64]
-    q_WB: FloatArray
-    p_WB_m: FloatArray
-
-    def at(self, t_ns: int) -> tuple[FloatArray, FloatArray] | None:
-        """Return R_WB (3, 3) and p_WB (3,) at `t_ns`, interpolated; None outside the recording."""
-        after = int(np.searchsorted(self.t_ns, t_ns))
-        if after == len(self.t_ns) or (after == 0 and self.t_ns[0] != t_ns):
-            return None
-        before = max(0, after - 1)
-        span = int(self.t_ns[after] - self.t_ns[before])
-        share = (t_ns - int(self.t_ns[before])) / span if span else 0.0
-        q_before, q_after = (so3.normalised(tuple(self.q_WB[k].tolist())) for k in (before, after))
-        q_WB = so3.slerp(q_before, q_after, share)
-        return so3.matrix_from_quaternion(q_WB), (1 - share) * self.p_WB_m[before] + share * self.p_WB_m[after]
+def pose_at(track: TruthTrack, t_ns: int) -> tuple[FloatArray, FloatArray] | None:
+    """Return R_WB (3, 3) and p_WB (3,) at `t_ns`, interpolated; None outside the track."""
+    after = int(np.searchsorted(track.t_ns, t_ns))
+    if after == len(track.t_ns) or (after == 0 and track.t_ns[0] != t_ns):
+        return None
+    before = max(0, after - 1)
+    span = int(track.t_ns[after] - track.t_ns[before])
+    share = (t_ns - int(track.t_ns[before])) / span if span else 0.0
+    q_before, q_after = (so3.normalised(tuple(track.q_WB[k].tolist())) for k in (before, after))
+    R_WB = so3.matrix_from_quaternion(so3.slerp(q_before, q_after, share))
+    return R_WB, (1 - share) * track.p_WB_m[before] + share * track.p_WB_m[after]
 
 
 class FloorScore(msgspec.Struct, frozen=True, kw_only=True):
@@ -49,7 +43,7 @@ class FloorScore(msgspec.Struct, frozen=True, kw_only=True):
 def score_floor(
     frames: Iterable[StereoFrame],
     grounds: Sequence[GroundPlane],
-    poses: TruePoses,
+    track: TruthTrack,
     calibration: Calibration,
     foothold: FootholdSettings,
 ) -> dict[str, FloorScore]:
@@ -59,7 +53,7 @@ def score_floor(
     imu: list[tuple[GroundPlane, float]] = []
     true: list[tuple[GroundPlane, float]] = []
     for frame in frames:
-        pose = poses.at(frame.header.t_exposure_ns)
+        pose = pose_at(track, frame.header.t_exposure_ns)
         if pose is None:
             continue
         R_WB, p_WB = pose

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from messages import GroundTruth, StereoCalibration
-from sim_rig.unit import Unit, intrinsics
+from perception.rectify import intrinsics
+from sim_rig.unit import Unit
 from sim_rig.walk.gait import Gait
 from sim_rig.walk.world import World
 

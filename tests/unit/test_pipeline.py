@@ -9,6 +9,7 @@ import pytest
 from daemon.pipeline import NO_FRAME_SEQ, Pipeline
 from messages import (
     TOPIC_OF,
+    TOPICS,
     Attitude,
     DropCause,
     DroppedFrame,
@@ -61,6 +62,15 @@ def test_each_frame_and_each_sample_gets_its_estimate(wearer: SimulatedWearer, i
     assert [g.t_exposure_ns for g in grounds(estimates)] == [f.header.t_exposure_ns for f in frames]
     assert len([e for e in estimates if isinstance(e, Attitude)]) == len(samples)
     assert len([e for e in estimates if isinstance(e, Health)]) == 2
+
+
+def test_estimates_come_at_the_rates_of_the_topic_table(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    started_ns = START_NS + 1_300_000_000
+    grounds_ns = [g.t_exposure_ns for g in grounds(run(pipeline(wearer), inputs)) if g.t_exposure_ns > started_ns]
+    attitudes_ns = [e.t_sample_ns for e in run(pipeline(wearer), inputs) if isinstance(e, Attitude)]
+    for name, times_ns in (("ground", grounds_ns), ("attitude", attitudes_ns)):
+        rate_hz = 1e9 * (len(times_ns) - 1) / (times_ns[-1] - times_ns[0])
+        assert rate_hz == pytest.approx(TOPICS[name].rate_hz, rel=0.02), name  # the chip's clock is off by up to 1 %
 
 
 def test_before_the_start_there_is_a_status_and_no_number(wearer: SimulatedWearer, inputs: list[Input]) -> None:
