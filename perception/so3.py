@@ -146,6 +146,10 @@ def quaternion_from_up(up_B: Vec3) -> Quaternion:
     norm = math.sqrt(x * x + y * y + z * z)
     if norm == 0.0:
         raise ValueError("up_B is the zero vector; it must point away from the ground")
-    if z < (1e-9 - 1.0) * norm:
+    level = math.hypot(x, y)
+    if z >= 0.0:
+        return normalised((norm + z, y, -x, 0.0))
+    if level == 0.0:
         return (0.0, 1.0, 0.0, 0.0)
-    return normalised((norm + z, y, -x, 0.0))
+    # norm + z = level² / (norm − z), which near the antipode loses no digits
+    return normalised((level / (norm - z), y / level, -x / level, 0.0))
