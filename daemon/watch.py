@@ -21,6 +21,9 @@ IN_WORDS = {
     Reason.OUT_OF_RANGE: "the ground is nearer than the search can match",
     Reason.EYES_SWAPPED: "left and right are exchanged: the pair matches only the other way round",
     Reason.WRONG_SIZE: "the frames are of another size than the calibration",
+    Reason.FROZEN_FRAME: "the camera repeats one picture",
+    Reason.TIME_INCONSISTENT: "the frames' stamps contradict their arrival or the IMU",
+    Reason.IMU_INCONSISTENT: "the IMU feels another motion than the camera sees; check how both are mounted",
 }
 
 

@@ -44,6 +44,9 @@ class Reason(str, enum.Enum):
     OUT_OF_RANGE = "out_of_range"  # nearer or farther than the search can match
     EYES_SWAPPED = "eyes_swapped"  # the pair only matches with left and right exchanged
     WRONG_SIZE = "wrong_size"  # the frame's size is not the calibration's
+    FROZEN_FRAME = "frozen_frame"  # the camera repeats one picture
+    TIME_INCONSISTENT = "time_inconsistent"  # the frame's stamp contradicts its arrival, or the IMU's clock
+    IMU_INCONSISTENT = "imu_inconsistent"  # the IMU feels another motion than the camera sees
 
 
 class Attitude(msgspec.Struct, frozen=True, kw_only=True):
