@@ -20,6 +20,7 @@ from messages import (
 )
 from perception.attitude_track import AttitudeTrack
 from perception.foothold import FootholdSettings
+from perception.frame_guard import FrameGuard
 from perception.ground_estimator import GroundEstimator, no_ground
 
 LONGEST_WAIT_NS = 20_000_000
@@ -29,6 +30,9 @@ SILENCE_NS = 120_000_000
 """When no frame has arrived for this long, an invalid estimate says so every `FRAME_PERIOD_NS`."""
 
 FRAME_PERIOD_NS = 50_000_000
+
+IMU_SILENCE_NS = 35_000_000
+"""When no IMU sample has arrived for this long, attitude and ground are invalid at once, not with the next frame."""
 
 START_NS = 5_000_000_000
 """A camera may take this long to deliver its first frame before its silence is called a fault."""
@@ -46,7 +50,10 @@ class Pipeline:
         self._ground = GroundEstimator(calibration, foothold)
         self._health = HealthMonitor(calibration.id)
         self._load = Load.NORMAL
+        self._frame_guard = FrameGuard()
         self._waiting: StereoFrame | None = None
+        self._imu_heard_ns: int | None = None
+        self._imu_silent = False
         self._silent_from_ns: int | None = None
         self._camera_due_ns: int | None = None
 
@@ -69,6 +76,8 @@ class Pipeline:
         if not self._attitude.accepts(sample):
             self._health.refused_sample()
             return
+        self._imu_heard_ns = max(sample.t_arrival_ns, self._imu_heard_ns or 0)
+        self._imu_silent = False
         yield self._attitude.feel(sample)
         if self._waiting is not None and self._is_felt(self._waiting):
             yield self._see(self._waiting)
@@ -77,6 +86,10 @@ class Pipeline:
         if self._waiting is not None:
             yield self._see(self._waiting)
         self._silent_from_ns = self._camera_due_ns = frame.header.t_arrival_ns + SILENCE_NS
+        doubt = self._frame_guard.judge(frame.header, (frame.left, frame.right))
+        if doubt is not Reason.NONE:
+            yield self._counted(self._ground.refused(frame, doubt))
+            return
         self._waiting = frame
         if self._is_felt(frame):
             yield self._see(frame)
@@ -84,13 +97,24 @@ class Pipeline:
     def _notice(self, t_ns: int) -> Iterator[Estimate]:
         if self._waiting is not None and t_ns - self._waiting.header.t_arrival_ns > LONGEST_WAIT_NS:
             yield self._see(self._waiting)
+        yield from self._miss_camera(t_ns)
+        yield from self._miss_imu(t_ns)
+        yield from self._health.due(t_ns, self._load)
+
+    def _miss_camera(self, t_ns: int) -> Iterator[GroundPlane]:
         if self._silent_from_ns is None or self._camera_due_ns is None:
             self._silent_from_ns, self._camera_due_ns = t_ns + SILENCE_NS, t_ns + START_NS
         if t_ns >= self._silent_from_ns:
             self._silent_from_ns += FRAME_PERIOD_NS * (1 + (t_ns - self._silent_from_ns) // FRAME_PERIOD_NS)
-            reason = Reason.STARTING if t_ns < self._camera_due_ns else Reason.NO_FRAME
-            yield self._counted(no_ground(t_ns, NO_FRAME_SEQ, reason, self._foothold.ahead_m, self._calibration_id))
-        yield from self._health.due(t_ns, self._load)
+            self._frame_guard.interrupted()
+            yield self._without_frame(t_ns, Reason.STARTING if t_ns < self._camera_due_ns else Reason.NO_FRAME)
+
+    def _miss_imu(self, t_ns: int) -> Iterator[Estimate]:
+        if self._imu_silent or self._imu_heard_ns is None or t_ns - self._imu_heard_ns <= IMU_SILENCE_NS:
+            return
+        self._imu_silent = True
+        yield self._attitude.unfelt(t_ns)
+        yield self._without_frame(t_ns, Reason.NO_IMU)
 
     def _is_felt(self, frame: StereoFrame) -> bool:
         newest_ns = self._attitude.newest_ns
@@ -98,7 +122,7 @@ class Pipeline:
 
     def _see(self, frame: StereoFrame) -> GroundPlane:
         self._waiting = None
-        attitude = self._attitude.at(frame.header.t_exposure_ns)
+        attitude = None if self._imu_silent else self._attitude.at(frame.header.t_exposure_ns)
         if attitude is None:
             reason = self._attitude.reason
             return self._counted(self._ground.refused(frame, Reason.NO_IMU if reason is Reason.NONE else reason))
@@ -112,6 +136,9 @@ class Pipeline:
                 reduced=self._load is Load.REDUCED,
             )
         )
+
+    def _without_frame(self, t_ns: int, reason: Reason) -> GroundPlane:
+        return self._counted(no_ground(t_ns, NO_FRAME_SEQ, reason, self._foothold.ahead_m, self._calibration_id))
 
     def _counted(self, ground: GroundPlane) -> GroundPlane:
         self._health.said(ground)

@@ -87,20 +87,27 @@ class AttitudeTrack:
             self._history.append(*attitude)
         self._before_start.clear()
 
+    def unfelt(self, t_ns: int) -> Attitude:
+        """Return the attitude that says only that samples have stopped, at `t_ns`."""
+        return self._without_numbers(t_ns, Status.INVALID, Reason.NO_IMU)
+
+    def _without_numbers(self, t_sample_ns: int, status: Status, reason: Reason) -> Attitude:
+        nan = float("nan")
+        return Attitude(
+            t_sample_ns=t_sample_ns,
+            status=status,
+            reason=reason,
+            q_WB=(nan,) * 4,
+            w_WB_B_radps=(nan,) * 3,
+            gyro_bias_B_radps=(nan,) * 3,
+            rotation_cov_W_rad2=(nan,) * 6,
+            calibration_id=self._calibration_id,
+        )
+
     def _message(self, t_sample_ns: int) -> Attitude:
         status = self._filter.status
         if status is not Status.VALID:
-            nan = float("nan")
-            return Attitude(
-                t_sample_ns=t_sample_ns,
-                status=status,
-                reason=self._filter.reason,
-                q_WB=(nan,) * 4,
-                w_WB_B_radps=(nan,) * 3,
-                gyro_bias_B_radps=(nan,) * 3,
-                rotation_cov_W_rad2=(nan,) * 6,
-                calibration_id=self._calibration_id,
-            )
+            return self._without_numbers(t_sample_ns, status, self._filter.reason)
         cov = self._filter.rotation_cov_W
         return Attitude(
             t_sample_ns=t_sample_ns,

@@ -102,7 +102,7 @@ def test_a_frame_without_later_imu_samples_waits_twenty_milliseconds_and_is_refu
         if isinstance(message, Tick):
             now_ns = message.t_ns
         for ground in grounds(list(pipe.step(message))):
-            if ground.t_exposure_ns > cut_ns:
+            if ground.t_exposure_ns > cut_ns and ground.frame_seq != NO_FRAME_SEQ:
                 assert ground.reason is Reason.NO_IMU
                 assert ground.slope_sagittal_rad != ground.slope_sagittal_rad
                 seen[ground.t_exposure_ns] = now_ns
@@ -191,3 +191,33 @@ def test_a_uniform_floor_is_no_ground(wearer: SimulatedWearer, inputs: list[Inpu
     found = grounds(run(pipeline(wearer), [grey(message) for message in inputs]))
     assert all(g.status is not Status.VALID for g in found)
     assert found[-1].reason is Reason.LOW_TEXTURE
+
+
+def test_silence_of_the_imu_is_said_at_once_and_until_it_is_back(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    from_ns, to_ns = START_NS + 1_800_000_000, START_NS + 1_870_000_000
+    pipe, now_ns = pipeline(wearer), 0
+    said: list[tuple[int, Attitude | GroundPlane]] = []
+    for message in inputs:
+        if isinstance(message, ImuSample) and from_ns <= message.t_arrival_ns < to_ns:
+            continue
+        if isinstance(message, Tick):
+            now_ns = message.t_ns
+        said += [(now_ns, estimate) for estimate in pipe.step(message) if not isinstance(estimate, Health)]
+    silent = [(t_ns, e) for t_ns, e in said if from_ns <= t_ns and e.status is Status.INVALID]
+    assert {e.reason for _, e in silent} == {Reason.NO_IMU}
+    for kind in (Attitude, GroundPlane):
+        assert min(t_ns for t_ns, e in silent if isinstance(e, kind)) - from_ns <= 50_000_000
+    assert not [e for t_ns, e in said if silent[0][0] < t_ns < to_ns and e.status is Status.VALID]
+    assert said[-1][1].status is Status.VALID
+
+
+def test_a_repeated_picture_is_no_ground(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    frames = [m for m in inputs if isinstance(m, StereoFrame)]
+    frozen = [
+        StereoFrame(header=m.header, left=frames[30].left, right=frames[30].right)
+        if isinstance(m, StereoFrame) and m.header.seq > frames[30].header.seq
+        else m
+        for m in inputs
+    ]
+    found = grounds(run(pipeline(wearer), frozen))
+    assert [g.reason for g in found[31:]] == [Reason.FROZEN_FRAME] * (len(frames) - 31)

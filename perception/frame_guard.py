@@ -1,0 +1,71 @@
+"""Is this frame a new picture, taken when its stamp says? What no matcher can tell, because the pixels look sound."""
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import FrameHeader, Reason
+
+Image = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+class FrameGuard:
+    """Refuses a picture that the camera repeats, and a stamp that contradicts the frame's arrival.
+
+    Noise alone makes two pictures of a living sensor differ, so an equal one is a repeated one. A uniform picture is
+    left to the matcher, which calls it by its own name.
+
+    The way from the middle of the exposure to the arrival takes at least the readout and the transfer, always alike:
+    it may take longer, when the host is busy, but a frame that seems quicker than the quickest of late has a stamp
+    that jumped forward. Refused frames do not teach, until `relearn` of them in a row have been: then the camera's
+    timing is another one for good, and the IMU must tell whether its stamps are right.
+    """
+
+    longest_latency_ns = 150_000_000
+    jump_ns = 10_000_000
+    window = 200
+    least_known = 20
+    relearn = 200
+    pixel_step = 8
+
+    def __init__(self) -> None:
+        self._latencies_ns: deque[int] = deque(maxlen=self.window)
+        self._refused = 0
+        self._seen: list[bytes] = []
+
+    def judge(self, header: FrameHeader, images: Sequence[Image]) -> Reason:
+        """Return NONE, FROZEN_FRAME or TIME_INCONSISTENT for the next frame; `images` are (height, width) each."""
+        repeated = self._repeats(images)
+        timely = self._is_timely(header.t_arrival_ns - header.t_exposure_ns)
+        if repeated:
+            return Reason.FROZEN_FRAME
+        return Reason.NONE if timely else Reason.TIME_INCONSISTENT
+
+    def interrupted(self) -> None:
+        """Forget the camera's timing: it fell silent, and whatever comes next may be another device."""
+        self._latencies_ns.clear()
+        self._refused = 0
+
+    def _repeats(self, images: Sequence[Image]) -> bool:
+        sampled = [image[:: self.pixel_step, :: self.pixel_step] for image in images]
+        pixels = [part.tobytes() for part in sampled]
+        repeated = any(
+            now == before and int(np.ptp(part)) > 0
+            for now, before, part in zip(pixels, self._seen, sampled, strict=False)  # none before the first frame
+        )
+        self._seen = pixels
+        return repeated
+
+    def _is_timely(self, latency_ns: int) -> bool:
+        known = self._latencies_ns
+        quickest_ns = min(known) if len(known) >= self.least_known else 0
+        if quickest_ns - self.jump_ns <= latency_ns <= self.longest_latency_ns and latency_ns >= 0:
+            known.append(latency_ns)
+            self._refused = 0
+            return True
+        self._refused += 1
+        if self._refused >= self.relearn:
+            self.interrupted()
+        return False
