@@ -33,7 +33,7 @@ def demo(
     from daemon.config import Configuration, load_configuration
     from daemon.publish_zenoh import ZenohSettings
     from daemon.summary import Tally
-    from drivers.can_link import parse_can
+    from drivers.can_bus import parse_can
     from drivers.mpu6050 import Mpu6050
     from drivers.mpu6050_settings import Mpu6050Settings
     from messages import Source

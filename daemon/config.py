@@ -7,7 +7,7 @@ import msgspec
 import tomli
 
 from daemon.publish_zenoh import ZenohSettings
-from drivers.can_link import CanSettings
+from drivers.can_bus import CanSettings
 from messages import UserError
 from messages.checked import checked
 from perception.foothold import FootholdSettings

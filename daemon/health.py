@@ -84,6 +84,7 @@ class HealthMonitor:
             inbox_dropped=devices.inbox_dropped,
             recorder_dropped=devices.recorder_dropped,
             can_errors=devices.can_errors,
+            can_bus=devices.can_bus,
             zenoh_errors=devices.zenoh_errors,
             load=load,
             calibration_id=self._calibration_id,

@@ -29,6 +29,7 @@ from daemon.stamping import Stamper
 from daemon.watch import GroundWatch, LoadDecision, Outage
 from drivers.protocols import AnkleSource, DeviceError, ImuSource, StereoSource
 from messages import (
+    CanBusHealth,
     DeviceCounters,
     Estimate,
     FrameHeader,
@@ -245,6 +246,7 @@ class Service:
             inbox_dropped=self._inbox.dropped,
             recorder_dropped=self._recorder.dropped if self._recorder is not None else 0,
             can_errors=sum(p.errors for p in self._publishers if p.name == "can"),
+            can_bus=self._devices.ankle.bus_health if self._devices.ankle is not None else CanBusHealth(),
             zenoh_errors=sum(p.errors for p in self._publishers if p.name == "zenoh"),
         )
 

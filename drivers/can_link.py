@@ -1,66 +1,31 @@
-"""The CAN bus through python-can: sends frames without ever waiting for the bus, receives the ankle's state.
+"""The CAN link: sends frames without ever waiting for the bus, receives the ankle's state, mends itself.
 
-Backends: `virtual` (inside one process), `socketcan`, `slcan` (a serial adapter, or `socket://host:port`) and
-`udp_multicast` (kept on this host by a hop limit of 0). A lost link is opened again with a growing pause.
+A lost link is opened again with a growing pause. A controller that went off the bus is left alone but for one frame a
+second, so that nothing old waits in its queue when it comes back.
 """
 
-import contextlib
 import enum
 import errno
 import logging
-import os
-import termios
 import threading
 import time
 from collections.abc import Callable
-from typing import Annotated
 
 import can
 import msgspec
-from can.interfaces.slcan import slcanBus
 
+from drivers.can_bus import CanSettings, Send, close_bus, forget_input, innermost, open_bus
+from drivers.can_state import CanStateWatch
 from drivers.protocols import DeviceError
-from messages import AnkleState
+from messages import AnkleState, CanBusHealth, CanState
 from messages.can_frames import CanFrame, CanMessage, can_id, decode_ankle, profile
 from messages.e2e import E2eCheck, E2eReceiver
 
 log = logging.getLogger("gaiteyes")
 
 FIRST_PAUSE_S = 0.1
-LONGEST_PAUSE_S = 5.0
-RECEIVE_QUEUE_FRAMES = 64
-SERIAL_POLL_S = 0.02
+LONGEST_PAUSE_S = 1.0
 LONGEST_WAIT_IN_QUEUE_S = 1.0
-
-
-class CanInterface(str, enum.Enum):
-    """The backends of python-can that the project is tested with."""
-
-    VIRTUAL = "virtual"
-    SOCKETCAN = "socketcan"
-    SLCAN = "slcan"
-    UDP_MULTICAST = "udp_multicast"
-
-
-class CanSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """Which bus. `bitrate` and `settle_s` are for slcan: other backends take the bit rate the system has set.
-
-    `settle_s`: an adapter that restarts when its port is opened needs about 2 s before it listens.
-    """
-
-    interface: CanInterface = CanInterface.VIRTUAL
-    channel: str = "gaiteyes"
-    bitrate: Annotated[int, msgspec.Meta(ge=10_000, le=1_000_000)] = 500_000
-    settle_s: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 2.0
-
-
-def parse_can(text: str) -> CanSettings:
-    """Return the settings that `INTERFACE:CHANNEL` stands for, as in `socketcan:can0`. Raises DeviceError."""
-    interface, colon, channel = text.partition(":")
-    known = [member.value for member in CanInterface]
-    if interface not in known or not colon or not channel:
-        raise DeviceError(f"CAN '{text}': expected INTERFACE:CHANNEL with INTERFACE one of {', '.join(known)}")
-    return CanSettings(interface=CanInterface(interface), channel=channel)
 
 
 class SendResult(str, enum.Enum):
@@ -68,7 +33,7 @@ class SendResult(str, enum.Enum):
 
     SENT = "sent"
     QUEUE_FULL = "queue_full"  # the bus takes no more for now: dropped
-    LINK_DOWN = "link_down"  # no bus, or it failed on this frame: dropped
+    LINK_DOWN = "link_down"  # no bus, it is off, or it failed on this frame: dropped
 
 
 class CanCounters(msgspec.Struct):
@@ -83,25 +48,47 @@ class CanCounters(msgspec.Struct):
 class CanLink:
     """One bus for two threads: one may call `send`, another `receive`. Neither raises once the link is made.
 
-    Raises DeviceError, in one line, if the bus cannot be opened at first.
+    Raises DeviceError, in one line, if the bus cannot be opened at first; a `patient` link takes that for an outage.
     """
 
-    def __init__(self, settings: CanSettings, *, now_ns: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(
+        self, settings: CanSettings, *, patient: bool = False, now_ns: Callable[[], int] = time.monotonic_ns
+    ) -> None:
         self.counters = CanCounters()
         self._settings = settings
         self._now_ns = now_ns
         self._check = E2eReceiver(profile(CanMessage.ANKLE_STATE))
+        self._watch = CanStateWatch()
         # Each side holds its own lock while it uses the bus; whoever replaces the bus holds both.
         self._sending, self._receiving = threading.Lock(), threading.Lock()
-        self._bus, self._send = _open(settings)
+        self._bus: can.BusABC | None = None
+        self._send: Send | None = None
         self._failed = False
         self._pause_s = FIRST_PAUSE_S
         self._retry_ns = 0
+        try:
+            self._bus, self._send = open_bus(settings)
+        except DeviceError as error:
+            if not patient:
+                raise
+            self._lose(error)
+
+    @property
+    def bus_health(self) -> CanBusHealth:
+        """Return the controller's state, as far as the backend tells it, and what was lost since the link was made."""
+        counters = self.counters
+        return CanBusHealth(
+            state=self._watch.state,
+            outages=counters.outages,
+            bus_offs=self._watch.bus_offs,
+            bus_errors=counters.bus_errors,
+            ankle_refused=sum(counters.ankle_refused.values()),
+        )
 
     def send(self, frame: CanFrame) -> SendResult:
         """Hand one frame to the bus, or drop it. Waits for nothing but an opening of the link under way."""
         with self._sending:
-            if not self._ready(self._receiving):
+            if not self._ready(self._receiving) or self._send is None or not self._watch.may_send(self._now_ns()):
                 return SendResult.LINK_DOWN
             try:
                 taken = self._send(frame)
@@ -125,12 +112,12 @@ class CanLink:
     def close(self) -> None:
         """Release the bus; the link is of no use afterwards."""
         with self._sending, self._receiving:
-            _close(self._bus)
+            self._release()
             self._failed, self._retry_ns = True, _NEVER_NS
 
     def _next(self, timeout_s: float) -> can.Message | None:
         with self._receiving:
-            if self._ready(self._sending):
+            if self._ready(self._sending) and self._bus is not None:
                 try:
                     message = self._bus.recv(timeout_s)
                 except (can.CanError, OSError, ValueError) as error:  # ValueError: an slcan line that is no frame
@@ -138,7 +125,7 @@ class CanLink:
                     if _is_outage(error):
                         self._lose(error)
                     else:
-                        _forget_input(self._bus)
+                        forget_input(self._bus)
                     return None
                 if message is not None:
                     self._pause_s = FIRST_PAUSE_S
@@ -149,7 +136,11 @@ class CanLink:
     def _ankle_state(self, message: can.Message) -> AnkleState | None:
         if message.is_error_frame:
             self.counters.bus_errors += 1
+            before = self._watch.state
+            self._watch.saw_error(message, self._now_ns())
+            self._tell_change(before)
             return None
+        self._watch.saw_traffic()
         if message.arbitration_id != can_id(CanMessage.ANKLE_STATE) or message.is_extended_id:
             return None
         t_ns = reception_ns(message.timestamp, time.time(), self._now_ns())
@@ -162,6 +153,11 @@ class CanLink:
         self.counters.ankle_states += 1
         return decode_ankle(data, t_ns)
 
+    def _tell_change(self, before: CanState) -> None:
+        now = self._watch.state
+        if now is not before and CanState.BUS_OFF in (now, before):
+            log.warning("CAN %s: controller is %s", self._settings.name, now.value)
+
     def _ready(self, other_side: threading.Lock) -> bool:
         """Called with this side's lock held: is there a bus? Replaces a failed one when its pause is over."""
         if not self._failed:
@@ -169,8 +165,8 @@ class CanLink:
         if self._now_ns() < self._retry_ns or not other_side.acquire(blocking=False):
             return False
         try:
-            _close(self._bus)
-            self._bus, self._send = _open(self._settings)
+            self._release()
+            self._bus, self._send = open_bus(self._settings)
         except DeviceError as error:
             self._lengthen_pause()
             log.debug("%s", error)
@@ -178,14 +174,22 @@ class CanLink:
         finally:
             other_side.release()
         self._failed = False
-        log.warning("CAN %s: open again", _name(self._settings))
+        self._watch.opened()
+        log.warning("CAN %s: open again", self._settings.name)
         return True
 
     def _lose(self, error: Exception) -> None:
         self.counters.outages += 1
         self._failed = True
+        self._watch.lost()
         self._lengthen_pause()
-        log.error("CAN %s lost: %s", _name(self._settings), _detail(error))
+        log.error("CAN %s lost: %s", self._settings.name, innermost(error))
+
+    def _release(self) -> None:
+        """Called with both sides' locks held."""
+        bus, self._bus, self._send = self._bus, None, None
+        if bus is not None:
+            close_bus(bus)
 
     def _lengthen_pause(self) -> None:
         self._retry_ns = self._now_ns() + round(1e9 * self._pause_s)
@@ -193,9 +197,6 @@ class CanLink:
 
 
 _NEVER_NS = 2**63
-
-_Send = Callable[[CanFrame], bool]
-"""Takes a frame without waiting: True if taken, False if there is no room. Raises can.CanError or OSError."""
 
 
 def reception_ns(stamp_s: float, wall_s: float, now_ns: int) -> int:
@@ -207,108 +208,9 @@ def reception_ns(stamp_s: float, wall_s: float, now_ns: int) -> int:
     return now_ns - round(1e9 * waited_s) if 0.0 <= waited_s <= LONGEST_WAIT_IN_QUEUE_S else now_ns
 
 
-def _open(settings: CanSettings) -> tuple[can.BusABC, _Send]:
-    options: dict[CanInterface, dict[str, int | float | bool]] = {
-        CanInterface.VIRTUAL: {"rx_queue_size": RECEIVE_QUEUE_FRAMES},
-        CanInterface.SOCKETCAN: {},
-        CanInterface.SLCAN: {
-            "bitrate": settings.bitrate,
-            "sleep_after_open": settings.settle_s,
-            "timeout": SERIAL_POLL_S,
-        },
-        CanInterface.UDP_MULTICAST: {"hop_limit": 0, "fd": False},
-    }
-    try:
-        bus = can.Bus(
-            channel=settings.channel,
-            interface=settings.interface.value,
-            config_context=None,
-            ignore_config=True,
-            can_filters=[{"can_id": can_id(CanMessage.ANKLE_STATE), "can_mask": 0x7FF, "extended": False}],
-            **options[settings.interface],
-        )
-    except (can.CanError, OSError, ValueError) as error:
-        raise DeviceError(f"CAN {_name(settings)}: {_detail(error)}") from error
-    if settings.interface is CanInterface.SLCAN:
-        return bus, _SerialSender(bus.fileno()).send
-    return bus, _BusSender(bus).send
-
-
-def _forget_input(bus: can.BusABC) -> None:
-    """Drop what python-can failed to read: it keeps a line that is no text, and would fail on it for ever."""
-    if isinstance(bus, slcanBus):
-        with contextlib.suppress(can.CanError):
-            bus.flush()
-
-
-def _close(bus: can.BusABC) -> None:
-    # What a lost or stuck bus says on closing helps nobody.
-    if isinstance(bus, slcanBus):
-        port = bus.serialPortOrig
-        # python-can would first wait until the adapter has taken everything, which a stuck one never does.
-        with contextlib.suppress(OSError, termios.error):
-            port.reset_output_buffer()
-        with contextlib.suppress(OSError):
-            port.close()
-    with contextlib.suppress(can.CanError, OSError):
-        bus.shutdown()
-
-
-class _BusSender:
-    """Sends through python-can with a timeout of 0, which these backends honour."""
-
-    def __init__(self, bus: can.BusABC) -> None:
-        self._bus = bus
-
-    def send(self, frame: CanFrame) -> bool:
-        self._bus.send(can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=False), timeout=0)
-        return True
-
-
-class _SerialSender:
-    """Writes slcan lines to the adapter's port itself.
-
-    python-can waits after each line until the adapter has taken it (tcdrain), which never ends while nobody on the
-    bus acknowledges, and pyserial spins on a full port when its timeout is 0. The port is open without blocking.
-    """
-
-    def __init__(self, fd: int) -> None:
-        self._fd = fd
-        self._tail = b""
-
-    def send(self, frame: CanFrame) -> bool:
-        self._tail = self._write(self._tail)
-        if self._tail:
-            return False
-        line = f"t{frame.can_id:03X}{len(frame.data)}{frame.data.hex().upper()}\r".encode()
-        rest = self._write(line)
-        if rest == line:
-            return False
-        self._tail = rest
-        return True
-
-    def _write(self, data: bytes) -> bytes:
-        try:
-            return data[os.write(self._fd, data) :] if data else data
-        except BlockingIOError:
-            return data
-
-
 def _is_outage(error: Exception) -> bool:
     """Whether the link is gone, rather than full (sending) or garbled (receiving)."""
     if isinstance(error, can.CanTimeoutError):
         return False
     system = error if isinstance(error, OSError) else error.__cause__  # python-can wraps the system's errors
     return isinstance(system, OSError) and system.errno not in (errno.ENOBUFS, errno.EAGAIN)
-
-
-def _name(settings: CanSettings) -> str:
-    return f"{settings.interface.value}:{settings.channel}"
-
-
-def _detail(error: BaseException) -> str:
-    """The innermost reason, in one line: python-can wraps the system's own words in vaguer ones."""
-    while error.__cause__ is not None:
-        error = error.__cause__
-    told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return " ".join(told.split())

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from smbus2 import i2c_msg
 
-from messages import AnkleState, DropCause, ImuSample, StereoFrame, UserError
+from messages import AnkleState, CanBusHealth, DropCause, ImuSample, StereoFrame, UserError
 
 
 class DeviceError(UserError):
@@ -75,7 +75,11 @@ class StereoSource(Protocol):
 
 
 class AnkleSource(Protocol):
-    """A stream of the prosthesis's own state."""
+    """A stream of the prosthesis's own state, and the bus it comes on."""
+
+    @property
+    def bus_health(self) -> CanBusHealth:
+        """Return the state of the bus and what was lost on it since the start."""
 
     def receive(self, timeout_s: float) -> AnkleState | None:
         """Return the next valid state, or None if none came within `timeout_s`."""

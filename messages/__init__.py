@@ -26,6 +26,8 @@ from messages.estimates import (
 )
 from messages.inputs import (
     AnkleState,
+    CanBusHealth,
+    CanState,
     DeviceCounters,
     DropCause,
     DroppedFrame,
@@ -48,6 +50,8 @@ __all__ = [
     "AnkleState",
     "Attitude",
     "Calibration",
+    "CanBusHealth",
+    "CanState",
     "Covariance3",
     "DeviceCounters",
     "DropCause",

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.inputs import DropCause, Load, Vec3
+from messages.inputs import CanBusHealth, DropCause, Load, Vec3
 
 Quaternion = tuple[float, float, float, float]
 Covariance3 = tuple[float, float, float, float, float, float]
@@ -109,6 +109,7 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     inbox_dropped: int
     recorder_dropped: int
     can_errors: int
+    can_bus: CanBusHealth
     zenoh_errors: int
     load: Load
     calibration_id: str

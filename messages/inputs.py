@@ -109,6 +109,26 @@ class LoadLevel(msgspec.Struct, frozen=True, kw_only=True):
     load: Load
 
 
+class CanState(str, enum.Enum):
+    """Fault confinement of the CAN controller (ISO 11898-1), as far as the backend tells."""
+
+    ACTIVE = "active"
+    WARNING = "warning"  # an error counter above 96
+    PASSIVE = "passive"  # an error counter above 127: it no longer disturbs others
+    BUS_OFF = "bus_off"  # the transmit error counter above 255: it sends nothing
+    DOWN = "down"  # no link
+
+
+class CanBusHealth(msgspec.Struct, frozen=True, kw_only=True):
+    """What the CAN link saw since the start; `bus_errors` are error frames and input that is no frame."""
+
+    state: CanState = CanState.ACTIVE
+    outages: int = 0
+    bus_offs: int = 0
+    bus_errors: int = 0
+    ankle_refused: int = 0
+
+
 class DeviceCounters(msgspec.Struct, frozen=True, kw_only=True):
     """Counters of everything outside the pipeline since the start, told once a second."""
 
@@ -120,6 +140,7 @@ class DeviceCounters(msgspec.Struct, frozen=True, kw_only=True):
     inbox_dropped: int = 0
     recorder_dropped: int = 0
     can_errors: int = 0
+    can_bus: CanBusHealth = CanBusHealth()
     zenoh_errors: int = 0
 
 

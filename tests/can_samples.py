@@ -5,6 +5,7 @@ import msgspec
 from messages import (
     Attitude,
     Calibration,
+    CanBusHealth,
     DropCause,
     GroundPlane,
     Health,
@@ -85,6 +86,7 @@ def health(**changes: object) -> Health:
         inbox_dropped=0,
         recorder_dropped=0,
         can_errors=0,
+        can_bus=CanBusHealth(),
         zenoh_errors=0,
         load=Load.REDUCED,
         calibration_id="a3f01234",

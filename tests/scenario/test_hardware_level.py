@@ -11,7 +11,8 @@ from daemon.pipeline import Pipeline
 from daemon.publish_can import CanPublisher
 from daemon.service import Devices, Service
 from daemon.stamping import Stamper, read_boot_id
-from drivers.can_link import CanInterface, CanLink, CanSettings
+from drivers.can_bus import CanInterface, CanSettings
+from drivers.can_link import CanLink
 from drivers.mpu6050 import Mpu6050
 from drivers.mpu6050_settings import Mpu6050Settings
 from drivers.v4l2 import V4l2StereoCamera

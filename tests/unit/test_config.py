@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from daemon.config import Configuration, format_configuration, load_configuration, parse_configuration
-from drivers.can_link import CanInterface
+from drivers.can_bus import CanInterface
 from messages import UserError
 from perception.foothold import FootholdSettings
 
