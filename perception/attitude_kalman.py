@@ -21,6 +21,7 @@ Barrau, Bonnabel, IEEE TAC 62(4), 2017.
 
 import math
 import operator
+from dataclasses import replace
 
 import numpy as np
 
@@ -73,6 +74,7 @@ class AttitudeKalman:
         self._walk_density[GYRO_BIAS] = settings.gyro_bias_walk_radps_rts**2
         self._walk_density[VELOCITY] = settings.sf_noise_mps2_rthz**2
         self._walk_density[SF_BIAS] = settings.sf_bias_walk_mps2_rts**2
+        self._least_tilt_var = (residual.specific_force_mps2 / settings.gravity_mps2) ** 2
         self._rotation_per_square_rate = residual.scale**2 * settings.gyro_scale_time_s
         self._velocity_per_square_acceleration = residual.scale**2 * settings.sf_scale_time_s
         self._sway_density = np.repeat((settings.sway_rate_radps_rts**2, settings.sway_swing_mps_rts**2), 3)
@@ -82,17 +84,33 @@ class AttitudeKalman:
         return AttitudeState(np.diag(self._initial_var))
 
     def forgotten(self, state: AttitudeState, gap_s: float) -> AttitudeState:
-        """Return the state before the first sample after `gap_s` without: all is forgotten but the sensors' errors."""
+        """Return the state before the first sample after `gap_s` without: of the motion nothing is left, of the
+        sensors' errors and the wearer's habit all."""
         return AttitudeState(
             state.covariance + np.diag(self._walk_density * gap_s),
+            usual_step_s=state.usual_step_s,
             gyro_bias=state.gyro_bias,
             sf_bias=state.sf_bias,
             gyro_matrix=state.gyro_matrix,
+            doubt=state.doubt,
+            habit=replace(state.habit),
         )
 
     def rate(self, state: AttitudeState, w_measured: Vec3) -> Vec3:
         """Return w of (1) in rad/s."""
         return vec3.minus(vec3.minus(w_measured, so3.transform(state.gyro_matrix, w_measured)), state.gyro_bias)
+
+    def rotation_cov_W(self, state: AttitudeState) -> Array:
+        """Return the covariance (3, 3), rad², of θ, its tilt no less than the accelerometer's residual allows."""
+        covariance = np.array(state.covariance[ROTATION, ROTATION])
+        for axis in (0, 1):
+            covariance[axis, axis] = max(covariance[axis, axis], self._least_tilt_var)
+        return covariance
+
+    def knows_tilt(self, state: AttitudeState, tilt_rad: float) -> bool:
+        """Return whether the tilt is known to `tilt_rad`, 1 σ on each axis."""
+        P = state.covariance
+        return state.started and bool(max(P[0, 0], P[1, 1], self._least_tilt_var) <= tilt_rad**2)
 
     def at_rest(self, state: AttitudeState) -> bool:
         """Return whether the IMU has moved no more than a standing wearer does, for a second."""
@@ -106,21 +124,28 @@ class AttitudeKalman:
     def start_at_rest(self, state: AttitudeState) -> None:
         """Level by the mean specific force of the rest, and take its mean rate for the bias."""
         settings = self.settings
-        self._start(state, state.rest.mean_sf_B, settings.rest_tilt_rad, settings.sway_mps)
+        up_B = vec3.minus(state.rest.mean_sf_B, state.sf_bias)
+        self._start(state, up_B, settings.rest_tilt_rad, settings.sway_mps)
         rate = np.array(self.rate(state, state.rest.mean_w_B))
         _fuse(state, _RATE_IS_ZERO, rate, self._sway_density[:3] / settings.rest.time_s)
 
-    def start_in_motion(self, state: AttitudeState) -> None:
-        """Level by the mean specific force since the first sample."""
-        settings, levelling = self.settings, state.levelling
-        to_B = so3.rows_from_quaternion(so3.conjugate(levelling.q_SB))
-        mean_sf_B = vec3.scaled(so3.transform(to_B, levelling.sum_sf_S), 1.0 / levelling.elapsed_s)
-        self._start(state, mean_sf_B, settings.moving_start_tilt_rad, settings.moving_start_speed_mps)
+    def start_in_motion(self, state: AttitudeState, up_B: Vec3, tilt_rad: float) -> None:
+        """Start with the vertical along `up_B`, of any length, known to `tilt_rad` on each axis, at an unknown pace."""
+        settings = self.settings
+        self._start(state, up_B, tilt_rad, settings.moving_start_speed_mps)
+        state.unproven_s = settings.unproven_s
+        state.mean_square_swing = settings.moving_start_swing_mps**2
+        P = state.covariance
+        P[DRIFT, VELOCITY] = P[VELOCITY, DRIFT] = P[DRIFT, DRIFT]
+        P[VELOCITY, VELOCITY] += np.eye(3) * settings.moving_start_swing_mps**2
 
-    def _start(self, state: AttitudeState, mean_sf_B: Vec3, tilt_rad: float, speed_mps: float) -> None:
-        """Stand the mean specific force upright: where the accelerometer's bias leans, so does the vertical."""
+    def _start(self, state: AttitudeState, up_B: Vec3, tilt_rad: float, speed_mps: float) -> None:
+        """Stand `up_B` upright: where the accelerometer's bias leans, so does the vertical."""
         state.started = True
-        state.q_WB = so3.quaternion_from_up(vec3.minus(mean_sf_B, state.sf_bias))
+        state.q_WB = so3.quaternion_from_up(up_B)
+        state.v_W = state.drift_W = vec3.ZERO
+        state.unproven_s = 0.0
+        state.step = Step()
         state.sf_W = _specific_force_W(state)
         P = state.covariance
         for motion in (ROTATION, VELOCITY, DRIFT):
@@ -133,39 +158,36 @@ class AttitudeKalman:
         P[VELOCITY, VELOCITY] = P[DRIFT, DRIFT] = np.eye(3) * speed_mps**2
 
     def integrate(self, state: AttitudeState, sample: Sample, dt_s: float) -> None:
-        """(1) and (2) by the trapezoidal rule; across a gap the attitude and the velocity are held."""
+        """(1) and (2) by the trapezoidal rule."""
         step = state.step
-        known_s = 0.0 if state.after_gap else dt_s
         w_mid, sf_before_W = vec3.between(state.w_measured, sample.w_B, 0.5), state.sf_W
         state.sf_measured, state.w_measured = sample.sf_B, sample.w_B
-        turned = vec3.scaled(self.rate(state, w_mid), known_s)
+        turned = vec3.scaled(self.rate(state, w_mid), dt_s)
         state.q_WB = so3.multiply(state.q_WB, so3.quaternion_from_rotvec(turned))
         rows = so3.rows_from_quaternion(state.q_WB)
         state.sf_W = so3.transform(rows, vec3.minus(sample.sf_B, state.sf_bias))
         x, y, z = vec3.between(sf_before_W, state.sf_W, 0.5)
         acceleration_W = (x, y, z - self.settings.gravity_mps2)
-        state.v_W = vec3.plus_scaled(state.v_W, acceleration_W, known_s)
+        state.v_W = vec3.plus_scaled(state.v_W, acceleration_W, dt_s)
 
         step.elapsed_s += dt_s
         step.rows.append(rows)
         step.rates.append(w_mid)
-        step.known_s.append(known_s)
+        step.dts_s.append(dt_s)
         step.yaw_rad += rows[6] * turned[0] + rows[7] * turned[1] + rows[8] * turned[2]
-        step.rotation_var += self._rotation_per_square_rate * vec3.square(w_mid) * known_s
-        step.velocity_var += self._velocity_per_square_acceleration * vec3.square(acceleration_W) * known_s
+        step.rotation_var += self._rotation_per_square_rate * vec3.square(w_mid) * dt_s
+        step.velocity_var += self._velocity_per_square_acceleration * vec3.square(acceleration_W) * dt_s
         self._lose_certainty(state, dt_s, sample.clipped)
         if step.elapsed_s >= self.settings.correction_s:
             self._correct(state)
 
     def _lose_certainty(self, state: AttitudeState, dt_s: float, clipped: bool) -> None:
-        """Add the variance of what the samples did not show: between them, in a gap, or beyond the range."""
+        """Add the variance of what the samples did not show: between them, or beyond the range."""
         settings, step = self.settings, state.step
-        if state.after_gap:
-            step.rotation_var += settings.gap_rotation_rad_rts**2 * dt_s
-            step.velocity_var += settings.gap_velocity_mps_rts**2 * dt_s
-        elif dt_s > 1.5 * state.usual_step_s:
+        if dt_s > 1.5 * state.usual_step_s:
             missing_s = dt_s - state.usual_step_s
             step.rotation_var += (settings.unseen_w_radps * missing_s) ** 2
+            step.rotation_var += (settings.unseen_swing_radps3 * dt_s**3) ** 2
             step.velocity_var += (settings.unseen_sf_mps2 * missing_s) ** 2
         if clipped:
             step.rotation_var += (settings.clipped_w_radps * dt_s) ** 2
@@ -175,11 +197,8 @@ class AttitudeKalman:
     def _correct(self, state: AttitudeState) -> None:
         """Kalman filter over the errors: predict by (3), measure (4)."""
         step, state.step = state.step, Step()
-        known_s = sum(step.known_s)
-        runs_away = self._notice_rest(state)
-        self._predict(state, step, known_s, runs_away)
-        if known_s > 0.0:
-            self._measure(state, known_s)
+        self._predict(state, step, self._notice_rest(state))
+        self._measure(state, step.elapsed_s)
 
     def _notice_rest(self, state: AttitudeState) -> bool:
         """Begin or end a rest; return True where the velocity belongs to none and no walk: a vehicle, or an error."""
@@ -190,39 +209,42 @@ class AttitudeKalman:
         state.resting = at_rest and (state.resting or stands_still)
         return (at_rest and not state.resting) or math.hypot(*state.drift_W[:2]) > settings.drift_limit_mps
 
-    def _predict(self, state: AttitudeState, step: Step, known_s: float, runs_away: bool) -> None:
+    def _predict(self, state: AttitudeState, step: Step, runs_away: bool) -> None:
         settings = self.settings
-        R_dt = np.array(step.rows) * np.array(step.known_s)[:, np.newaxis]
+        R_dt = np.array(step.rows) * np.array(step.dts_s)[:, np.newaxis]
         F = np.eye(SIZE)
         F[ROTATION, GYRO_BIAS] = F[VELOCITY, SF_BIAS] = -R_dt.sum(axis=0).reshape(3, 3)
         F[ROTATION, GYRO_MATRIX] = -(R_dt.T @ np.array(step.rates)).reshape(3, 9)
-        F[VELOCITY, ROTATION] = settings.gravity_mps2 * known_s * _CROSS_UP
-        drift_mps, time_s = (
-            (settings.sway_mps, settings.sway_time_s) if state.resting else (settings.drift_mps, settings.drift_time_s)
-        )
+        F[VELOCITY, ROTATION] = settings.gravity_mps2 * step.elapsed_s * _CROSS_UP
+        drift_mps, time_s = settings.drift_mps, settings.drift_time_s
+        if state.resting:
+            drift_mps, time_s = settings.sway_mps, settings.sway_time_s
+        elif state.unproven_s > 0.0:
+            drift_mps = settings.moving_start_speed_mps
+        state.unproven_s -= step.elapsed_s
         kept = math.exp(-step.elapsed_s / time_s)
         c_yaw, s_yaw = kept * math.cos(step.yaw_rad), kept * math.sin(step.yaw_rad)
         F[DRIFT, DRIFT] = ((c_yaw, -s_yaw, 0.0), (s_yaw, c_yaw, 0.0), (0.0, 0.0, kept))
         x, y, z = state.drift_W
         state.drift_W = (c_yaw * x - s_yaw * y, s_yaw * x + c_yaw * y, kept * z)
         noise = self._walk_density * step.elapsed_s
-        noise[ROTATION] += step.rotation_var + (settings.runaway_rad_rts**2 * known_s if runs_away else 0.0)
+        noise[ROTATION] += step.rotation_var + (settings.runaway_rad_rts**2 * step.elapsed_s if runs_away else 0.0)
         noise[VELOCITY] += step.velocity_var
         noise[DRIFT] += (1.0 - kept**2) * drift_mps**2
         state.covariance = F @ state.covariance @ F.T
         state.covariance[_DIAGONAL] += noise
 
-    def _measure(self, state: AttitudeState, known_s: float) -> None:
+    def _measure(self, state: AttitudeState, dt_s: float) -> None:
         swing_W = vec3.minus(state.v_W, state.drift_W)
         if state.resting:
-            variance = np.diag(_SWING_IS_ZERO @ state.covariance @ _SWING_IS_ZERO.T) + self._sway_density[3:] / known_s
+            variance = np.diag(_SWING_IS_ZERO @ state.covariance @ _SWING_IS_ZERO.T) + self._sway_density[3:] / dt_s
             if max(map(abs, swing_W)) > _FAR * math.sqrt(variance.max()):
                 state.rest, state.resting = Rest(), False  # a walk begins, before the rest detector knows
         if state.resting:
             innovation = np.array((*self.rate(state, state.rest.mean_w_B), *vec3.scaled(swing_W, -1.0)))
-            _fuse(state, _RATE_AND_SWING_ARE_ZERO, innovation, self._sway_density / known_s)
+            _fuse(state, _RATE_AND_SWING_ARE_ZERO, innovation, self._sway_density / dt_s)
         else:
-            variance = np.full(3, self._swing_density(state, swing_W, known_s) / known_s)
+            variance = np.full(3, self._swing_density(state, swing_W, dt_s) / dt_s)
             _fuse(state, _SWING_IS_ZERO, -np.array(swing_W), variance)
 
     def _swing_density(self, state: AttitudeState, swing_W: Vec3, dt_s: float) -> float:

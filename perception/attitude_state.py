@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from messages import Quaternion, Reason, Vec3
 from perception import so3, vec3
+from perception.habit import Habit, HabitSettings
 from perception.rest import Rest, RestSettings
 from perception.so3 import Array, Rows
 
@@ -47,19 +48,23 @@ class AttitudeSettings:
     notice_s: float = 0.1
     # A velocity that contradicts rest, or any walk, costs trust in the attitude.
     runaway_rad_rts: float = math.radians(0.5)
-    # A start from rest, and without: from the mean specific force of `moving_start_s`.
+    # A start from rest, and in motion: from the mean specific force, at some pace, somewhere in its swing. For
+    # `unproven_s` the pace may change as much as it is unknown: the tilt does not yet tell a stop from a lean.
     rest_tilt_rad: float = math.radians(0.3)
-    moving_start_s: float = 5.0
-    moving_start_tilt_rad: float = math.radians(4.0)
-    moving_start_speed_mps: float = 2.0
-    # Missing samples: a motion strays from the trapezoid by `unseen_*` × the missing time. Longer than `gap_s` the
-    # attitude is held, and strays by `gap_*` × √time; after `restart_s` it starts again.
+    moving_start_tilt_rad: float = math.radians(15.0)
+    moving_start_speed_mps: float = 1.2
+    moving_start_swing_mps: float = 0.2
+    unproven_s: float = 5.0
+    # Missing samples: a motion strays from the trapezoid by `unseen_*` × the missing time, a hip's swing also by its
+    # curvature / 12 × time³. Beyond `gap_s` the tilt is the wearer's habit, within `doubt_s` to be confirmed by samples
+    # that do not move it farther than `refuted_sigmas`.
     unseen_w_radps: float = math.radians(10.0)
+    unseen_swing_radps3: float = math.radians(250.0)
     unseen_sf_mps2: float = 3.0
-    gap_s: float = 0.1
-    gap_rotation_rad_rts: float = math.radians(10.0)
-    gap_velocity_mps_rts: float = 1.0
-    restart_s: float = 1.0
+    gap_s: float = 0.15
+    habit: HabitSettings = field(default_factory=HabitSettings)
+    doubt_s: float = 3.0
+    refuted_sigmas: float = 1.5
     # A clipped sample falls short of the truth by about this much.
     clipped_w_radps: float = 2.0
     clipped_sf_mps2: float = 20.0
@@ -67,7 +72,7 @@ class AttitudeSettings:
     usable_tilt_rad: float = math.radians(3.0)
 
     def __post_init__(self) -> None:
-        for settings in (self, self.rest):
+        for settings in (self, self.rest, self.habit):
             for each in fields(settings):
                 value = getattr(settings, each.name)
                 if isinstance(value, float) and not 0.0 < value < math.inf:
@@ -87,12 +92,12 @@ class Sample(NamedTuple):
 
 @dataclass
 class Step:
-    """What happened since the last correction, sample by sample; `known_s` is zero where a gap was."""
+    """What happened since the last correction, sample by sample."""
 
     elapsed_s: float = 0.0
     rows: list[Rows] = field(default_factory=list)
     rates: list[Vec3] = field(default_factory=list)
-    known_s: list[float] = field(default_factory=list)
+    dts_s: list[float] = field(default_factory=list)
     yaw_rad: float = 0.0
     rotation_var: float = 0.0
     velocity_var: float = 0.0
@@ -100,11 +105,19 @@ class Step:
 
 @dataclass
 class Levelling:
-    """What happened since the first sample, S: rotation, and specific force integrated over time in S."""
+    """What happened since the first sample, S: rotation, and specific force integrated over time in S.
 
+    `before` is the state before that sample; habit took `assumed_up_S`, of length 1, for the vertical, with
+    `assumed_var` on each axis.
+    """
+
+    before: "AttitudeState"
     elapsed_s: float = 0.0
     q_SB: Quaternion = so3.IDENTITY
     sum_sf_S: Vec3 = vec3.ZERO
+    since: list[Sample] = field(default_factory=list)
+    assumed_up_S: Vec3 | None = None
+    assumed_var: float = 0.0
 
 
 @dataclass
@@ -114,7 +127,6 @@ class AttitudeState:
     covariance: Array
     rest: Rest = field(default_factory=Rest)
     t_ns: int | None = None
-    after_gap: bool = False  # the last sample came longer than `gap_s` after the one before it
     usual_step_s: float = 0.0
     gyro_bias: Vec3 = vec3.ZERO
     sf_bias: Vec3 = vec3.ZERO
@@ -126,11 +138,13 @@ class AttitudeState:
     v_W: Vec3 = vec3.ZERO
     drift_W: Vec3 = vec3.ZERO
     mean_square_swing: float = 0.0
+    unproven_s: float = 0.0  # so long the pace may still change freely
     w_measured: Vec3 = vec3.ZERO
     sf_measured: Vec3 = vec3.ZERO
     sf_W: Vec3 = vec3.ZERO
+    habit: Habit = field(default_factory=Habit)
     step: Step = field(default_factory=Step)
-    levelling: Levelling = field(default_factory=Levelling)
+    levelling: Levelling | None = None  # until the tilt is known from samples
     checkpoints: "list[Checkpoint]" = field(default_factory=list)
 
 

@@ -6,7 +6,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from messages import Attitude, Calibration, ImuSample, Reason, Status, Vec3, upper_triangle, vec3
+from messages import Attitude, ImuSample, Reason, Status, UnitCalibration, Vec3, upper_triangle, vec3
 from perception import so3
 from perception.attitude import AttitudeFilter, AttitudeSettings
 from perception.attitude_history import AttitudeAt, AttitudeHistory, OutsideHistoryError
@@ -22,11 +22,12 @@ class AttitudeTrack:
     integrated backwards, so that a frame exposed during it can still be placed.
     """
 
-    def __init__(self, calibration: Calibration) -> None:
+    def __init__(self, calibration: UnitCalibration) -> None:
         self._imu = calibration.imu
         self._calibration_id = calibration.id
         self._filter = AttitudeFilter(AttitudeSettings(), calibration.residual)
         self._history = AttitudeHistory(length_s=_REMEMBERED_S)
+        self._longest_step_ns = round(1e9 * self._filter.settings.gap_s)
         self._before_start: deque[tuple[int, Vec3]] = deque(maxlen=_MOST_BEFORE_START)
         self._newest_ns: int | None = None
 
@@ -63,8 +64,19 @@ class AttitudeTrack:
         else:
             # a new start has a new yaw: nothing of the track before it may be mixed with what follows
             self._history.clear()
+            if self._before_start and sample.t_sample_ns - self._before_start[-1][0] > self._longest_step_ns:
+                self._before_start.clear()
             self._before_start.append((sample.t_sample_ns, w_B_radps))
         return self._message(sample.t_sample_ns)
+
+    def forget(self) -> None:
+        """Start afresh with nothing but the calibration: what was felt of late contradicts what now is known.
+
+        The status is not VALID until the filter has started again, from rest or in motion.
+        """
+        self._filter.forget()
+        self._history.clear()
+        self._before_start.clear()
 
     def at(self, t_ns: int) -> AttitudeAt | None:
         """Return attitude and rate at `t_ns`, or None if that is not between known samples or just after the newest."""

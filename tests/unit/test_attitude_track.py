@@ -1,0 +1,64 @@
+import math
+
+import numpy as np
+
+from messages import Attitude, ImuSample, Reason, Status, vec3
+from perception import so3
+from perception.attitude_track import AttitudeTrack
+from sim_rig.unit import draw_unit
+from tests.hip_motion import Motion, hip_motion, tilt_errors_W
+
+CALIBRATION = draw_unit(1).exact_calibration()
+IMU = CALIBRATION.imu
+
+
+def felt(track: AttitudeTrack, motion: Motion) -> list[Attitude]:
+    """Return what the track says to `motion`, measured by the unit's chip without noise."""
+    measured_sf = motion.sf_B @ np.linalg.inv(IMU.sf_matrix).T + IMU.sf_bias_mps2
+    measured_w = motion.w_B @ np.linalg.inv(IMU.w_matrix).T + IMU.w_bias_radps
+    return [
+        track.feel(
+            ImuSample(
+                seq=seq,
+                t_sample_ns=t_ns,
+                t_arrival_ns=t_ns,
+                sf_B_mps2=vec3(sf),
+                w_WB_B_radps=vec3(w),
+                temperature_degC=25.0,
+            )
+        )
+        for seq, (t_ns, sf, w) in enumerate(zip(motion.t_ns.tolist(), measured_sf, measured_w, strict=True))
+    ]
+
+
+def test_forgetting_leaves_no_number_until_the_filter_has_started_again() -> None:
+    track, motion = AttitudeTrack(CALIBRATION), hip_motion([], 8.0, seed=1)
+    assert felt(track, motion.between(0.0, 3.0))[-1].status is Status.VALID
+    newest_ns = track.newest_ns
+    assert newest_ns is not None
+    track.forget()
+    assert track.at(newest_ns) is None
+    assert track.newest_ns == newest_ns
+    assert track.reason is Reason.STARTING
+    attitudes = felt(track, motion.between(3.0, 8.0))
+    starting = [attitude for attitude in attitudes if attitude.status is not Status.VALID]
+    assert 90 <= len(starting) <= 105
+    assert all(math.isnan(attitude.q_WB[0]) for attitude in starting)
+    assert attitudes[-1].status is Status.VALID
+
+
+def test_attitudes_in_retrospect_are_right_and_do_not_reach_across_a_gap() -> None:
+    track, motion = AttitudeTrack(CALIBRATION), hip_motion([(2.0, 20.0)], 20.0, seed=2)
+    felt(track, motion.between(0.0, 6.0))
+    felt(track, motion.between(7.0, 7.5))
+    after = motion.between(8.2, 10.2)
+    attitudes = felt(track, after)
+    valid = next(k for k, attitude in enumerate(attitudes) if attitude.status is Status.VALID)
+    assert all(attitude.reason is Reason.NO_IMU for attitude in attitudes[:valid])
+    assert track.at(int(motion.between(7.0, 7.5).t_ns[-1])) is None
+    before_ns = int(after.t_ns[valid]) - 400_000_000
+    past = track.at(before_ns)
+    assert past is not None
+    truth_R_WB = after.R_WB[int(np.searchsorted(after.t_ns, before_ns))]
+    error = tilt_errors_W(so3.matrix_from_quaternion(past.q_WB)[np.newaxis], truth_R_WB[np.newaxis])[0]
+    assert np.degrees(np.linalg.norm(error)) < 6.0
