@@ -1,17 +1,32 @@
-# Everything a newcomer needs: `make run`, `make test`, `make check`.
+# Everything a newcomer needs: `make run`, `make test`, `make check`, `make test-kernel`; on a wearable `make install`.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 SECONDS ?= 60
 
-.PHONY: run test check lint types floors format lock clean
+# Where `make install` puts things, below DESTDIR. The interpreter must not lie in a home folder: the service sees none.
+DESTDIR ?=
+PREFIX ?= /usr
+ETC := $(DESTDIR)/etc/gaiteyes
+HOUSE := $(PREFIX)/lib/gaiteyes
+COMMAND := $(DESTDIR)$(PREFIX)/bin/gaiteyes
+UNIT := $(DESTDIR)$(PREFIX)/lib/systemd/system/gaiteyes.service
+RULES := $(DESTDIR)$(PREFIX)/lib/udev/rules.d/70-gaiteyes.rules
+SYSUSERS := $(DESTDIR)$(PREFIX)/lib/sysusers.d/gaiteyes.conf
+README := $(DESTDIR)$(PREFIX)/share/doc/gaiteyes/README.md
+
+.PHONY: run test test-kernel check lint types floors format lock clean install install-house install-files uninstall
 
 run: $(INSTALLED)
 	$(BIN)/gaiteyes demo --seconds $(SECONDS)
 
 test: $(INSTALLED)
 	$(BIN)/python -m pytest
+
+# The drivers and the service on a real kernel, in an emulated machine: Debian, as root; says so where it cannot run.
+test-kernel: $(INSTALLED)
+	$(BIN)/python -m tests.kernel $(ARGS)
 
 check: lint types floors test
 
@@ -41,6 +56,36 @@ $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[rig,dev]'
 	touch $@
+
+# The service and all it needs; then `systemctl enable --now gaiteyes`. Once more is an update.
+install: install-house install-files
+	@test -n "$(DESTDIR)" || ! test -d /run/systemd/system \
+		|| { systemd-sysusers && udevadm control --reload && udevadm trigger && systemctl daemon-reload; }
+
+# A virtual environment of the service's own; the only step that needs the network.
+install-house:
+	rm -rf build/lib build/bdist.*
+	$(PYTHON) -m venv --clear $(DESTDIR)$(HOUSE)
+	$(DESTDIR)$(HOUSE)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt .
+	chmod -R u=rwX,go=rX $(DESTDIR)$(HOUSE)
+
+# The person's own configuration is never overwritten.
+install-files:
+	install -d $(dir $(COMMAND) $(UNIT) $(RULES) $(SYSUSERS) $(README)) $(ETC)
+	printf '#!/bin/sh\nexec %s/bin/python -IuB -m cli.main "$$@"\n' $(HOUSE) > $(COMMAND)
+	chmod 755 $(COMMAND)
+	sed 's|/usr/|$(PREFIX)/|' systemd/gaiteyes.service > $(UNIT)
+	chmod 644 $(UNIT)
+	install -m 644 systemd/70-gaiteyes.rules $(RULES)
+	install -m 644 systemd/gaiteyes.sysusers $(SYSUSERS)
+	install -m 644 README.md $(README)
+	test -e $(ETC)/gaiteyes.toml || install -m 644 systemd/gaiteyes.toml $(ETC)/gaiteyes.toml
+
+# Leaves the configuration in /etc/gaiteyes and the recordings in /var/lib/gaiteyes.
+uninstall:
+	@test -n "$(DESTDIR)" || ! test -d /run/systemd/system || systemctl disable --now gaiteyes
+	rm -rf $(DESTDIR)$(HOUSE) $(dir $(README))
+	rm -f $(COMMAND) $(UNIT) $(RULES) $(SYSUSERS)
 
 clean:
 	rm -rf $(VENV) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

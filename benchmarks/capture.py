@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.stereo_source import FramePair
-from drivers.v4l2_device import split_eyes
+from drivers.v4l2 import split_eyes
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
 BUFFERS, FRAMES = 25, 480

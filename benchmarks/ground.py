@@ -71,8 +71,8 @@ def this_project(wearer: SimulatedWearer) -> Method:
     meter = GroundMeter(wearer.calibration.stereo, wearer.calibration.residual)
 
     def measure(scene: Scene) -> Plane | None:
-        left, right = scene.frame.left, scene.frame.right
-        found = meter.measure(left, right, scene.R_HC, scene.w_C_radps, scene.height_rate_mps, REGION, None)
+        images, rates = scene.frame.images, (scene.w_C_radps, scene.height_rate_mps)
+        found = meter.measure(images, scene.R_HC, *rates, REGION, None)
         return found.fit.plane if found.fit is not None else None
 
     return measure

@@ -8,7 +8,7 @@ import time
 import cv2
 import numpy as np
 
-from sim_rig.camera.rig_camera import Scene
+from sim_rig.camera.rendered_frames import Scene
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, draw_unit
 from sim_rig.walk.scenario import scenario
 

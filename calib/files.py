@@ -1,6 +1,7 @@
 """Calibration files: YAML in the spirit of Kalibr's, one unit each, checked on reading and on writing.
 
-The file has the keys of `messages.Calibration`, no others; matrices are nested lists, frames stand in the names.
+The file has the keys of `messages.Calibration` or, for a depth camera, of `messages.DepthUnitCalibration`, no others;
+matrices are nested lists, frames stand in the names.
 Whatever is wrong with one is one line, `file: field …`, with the allowed range.
 """
 
@@ -15,7 +16,15 @@ import msgspec
 import numpy as np
 
 from calib.strict_yaml import CalibrationError, format_yaml, parse_yaml, read_text
-from messages import Calibration, Lens, Matrix3, Pose
+from messages import (
+    Calibration,
+    DepthUnitCalibration,
+    Lens,
+    Matrix3,
+    Pose,
+    StereoCalibration,
+    UnitCalibration,
+)
 from messages.checked import checked
 
 __all__ = [
@@ -47,9 +56,19 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "stereo.right.fy_px": (10.0, 20_000.0),
     "stereo.row_time_s": (0.0, 1e-4),
     "stereo.stamp_to_mid_exposure_s": (-0.1, 0.1),
+    "depth.lens.width_px": (16, 8192),
+    "depth.lens.height_px": (16, 8192),
+    "depth.lens.fx_px": (10.0, 20_000.0),
+    "depth.lens.fy_px": (10.0, 20_000.0),
+    "depth.baseline_m": BASELINE_M,
+    "depth.step_m": (1e-5, 0.01),
+    "depth.scale_residual": (0.0, 0.1),
+    "depth.row_time_s": (0.0, 1e-4),
+    "depth.stamp_to_mid_exposure_s": (-0.1, 0.1),
     "imu.sf_bias_mps2": (-5.0, 5.0),
     "imu.w_bias_radps": (-1.0, 1.0),
     "X_BL.p_m": (-1.0, 1.0),
+    "X_BD.p_m": (-1.0, 1.0),
     "residual.specific_force_mps2": (0.0, 1.0),
     "residual.scale": (0.0, 0.1),
     "residual.toe_in_rad": (0.0, 0.1),
@@ -65,30 +84,33 @@ _MATRIX_TOLERANCE = 0.1
 
 _HEADING = """\
 # GaitEyes calibration. SI units and pixels. X_AB takes points from frame B to frame A.
-# Frames: B the IMU; L, R the raw left and right cameras (x right, y down, z forward).
+# Frames: B the IMU; L, R the raw left and right cameras, D a depth camera (x right, y down, z forward).
 """
 
 _INDEX = re.compile(r"\[(\d+)\]")
 
 
-def load_calibration(path: Path) -> Calibration:
+def load_calibration(path: Path) -> UnitCalibration:
     """Return the calibration that the file holds; raises CalibrationError."""
     return parse_calibration(read_text(path), str(path))
 
 
-def parse_calibration(text: str, where: str) -> Calibration:
+def parse_calibration(text: str, where: str) -> UnitCalibration:
     """Return the calibration that `text` holds, for instance one embedded in a recording.
 
     Raises UserError whose line begins with `where`; CalibrationError is one.
     """
     document = parse_yaml(text, where)
     _check_ranges(document, where)
-    calibration = checked(document, Calibration, where)
+    kind: type[UnitCalibration] = Calibration
+    if isinstance(document, Mapping) and "depth" in document:
+        kind = DepthUnitCalibration
+    calibration = checked(document, kind, where)
     _check_geometry(calibration, where)
     return calibration
 
 
-def save_calibration(path: Path, calibration: Calibration) -> None:
+def save_calibration(path: Path, calibration: UnitCalibration) -> None:
     """Write the file in one step, so that a reader finds the old one or the new one whole.
 
     `load_calibration` returns an equal calibration. Raises CalibrationError for values that it would refuse, and
@@ -103,20 +125,20 @@ def save_calibration(path: Path, calibration: Calibration) -> None:
         raise CalibrationError(f"{path}: {error.strerror}") from error
 
 
-def format_calibration(calibration: Calibration) -> str:
+def format_calibration(calibration: UnitCalibration) -> str:
     """Return the text of the file."""
     return _HEADING + format_yaml(msgspec.to_builtins(calibration))
 
 
-def check_calibration(calibration: Calibration, where: str) -> None:
+def check_calibration(calibration: UnitCalibration, where: str) -> None:
     """Raise CalibrationError, its line beginning with `where`, if any value is impossible or out of its range."""
     _check_ranges(msgspec.to_builtins(calibration), where)
     _check_geometry(calibration, where)
 
 
-def check_frame_size(calibration: Calibration, width_px: int, height_px: int, camera: str) -> None:
+def check_frame_size(calibration: UnitCalibration, width_px: int, height_px: int, camera: str) -> None:
     """Raise CalibrationError unless the calibration is for frames of this size; `camera` names where they come from."""
-    lens = calibration.stereo.left
+    lens = calibration.camera.lens
     if (lens.width_px, lens.height_px) != (width_px, height_px):
         raise CalibrationError(
             f"calibration '{calibration.unit}' is for {lens.width_px}x{lens.height_px} px, "
@@ -155,16 +177,25 @@ def _shown(value: float) -> str:
     return f"{value:.9g}" if isinstance(value, float) else f"{value}"
 
 
-def _check_geometry(calibration: Calibration, where: str) -> None:
+def _check_geometry(calibration: UnitCalibration, where: str) -> None:
     problem = next(_problems(calibration), None)
     if problem is not None:
         raise CalibrationError(f"{where}: {problem}")
 
 
-def _problems(calibration: Calibration) -> Iterator[str]:
-    unit, stereo = calibration.unit, calibration.stereo
+def _problems(calibration: UnitCalibration) -> Iterator[str]:
+    unit = calibration.unit
     if not (0 < len(unit) <= LONGEST_UNIT_NAME and unit.isprintable()):
         yield f"unit is {unit!r}, allowed 1 to {LONGEST_UNIT_NAME} printable characters"
+    if isinstance(calibration, DepthUnitCalibration):
+        yield from _lens_problems(calibration.depth.lens, "depth.lens")
+        yield from _rotation_problems(calibration.X_BD.R, "X_BD.R")
+    else:
+        yield from _stereo_problems(calibration.stereo)
+        yield from _rotation_problems(calibration.X_BL.R, "X_BL.R")
+
+
+def _stereo_problems(stereo: StereoCalibration) -> Iterator[str]:
     yield from _lens_problems(stereo.left, "stereo.left")
     yield from _lens_problems(stereo.right, "stereo.right")
     left_size, right_size = ((lens.width_px, lens.height_px) for lens in (stereo.left, stereo.right))
@@ -172,7 +203,6 @@ def _problems(calibration: Calibration) -> Iterator[str]:
         yield "stereo.right is {}x{} px, stereo.left {}x{} px: both must be equal".format(*right_size, *left_size)
     yield from _rotation_problems(stereo.X_RL.R, "stereo.X_RL.R")
     yield from _baseline_problems(stereo.X_RL)
-    yield from _rotation_problems(calibration.X_BL.R, "X_BL.R")
 
 
 def _lens_problems(lens: Lens, field: str) -> Iterator[str]:

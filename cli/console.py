@@ -20,11 +20,11 @@ _WIDTH_OF_A_FILE = 110
 console = Console() if sys.stdout.isatty() else Console(width=_WIDTH_OF_A_FILE)
 
 
-def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table; the first column is text, the others are numbers."""
+def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], *, words: bool = False) -> None:
+    """Print a table; the first column is text, the others are numbers, unless all of them are words."""
     sheet = Table(title=title, title_justify="left")
     for place, column in enumerate(columns):
-        sheet.add_column(column, justify="right" if place else "left")
+        sheet.add_column(column, justify="right" if place and not words else "left")
     for row in rows:
         sheet.add_row(*row)
     console.print(sheet)

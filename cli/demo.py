@@ -59,7 +59,7 @@ def demo(
     wearer = SimulatedWearer(seed, walk, start_ns, perfect_calibration)
     try:
         camera = wearer.camera()
-        imu = Mpu6050(wearer.imu_bus, settings=Mpu6050Settings())
+        imu = Mpu6050(wearer.imu_bus, settings=Mpu6050Settings(), open_data_ready=wearer.data_ready.open)
         imu.open()
         outlets = open_outlets(configuration, wearer.calibration)
         recorder = None

@@ -35,6 +35,7 @@ def rig(
     seeds: Annotated[str, typer.Option(help="Rig units, one walk each: a list such as 1,2,5 or a range 1-8.")] = "1-4",
     seconds: Annotated[float, typer.Option(min=5.0, help="Length of each walk.")] = 60.0,
     scenario: Annotated[str, typer.Option(help="What is walked; see `gaiteyes demo --help`.")] = "mixed",
+    camera: Annotated[str, typer.Option(help="What the wearer sees with: stereo or depth.")] = "stereo",
     perfect_calibration: Annotated[bool, typer.Option(help="No calibration residual (to be labelled so).")] = False,
     json: JsonFile = None,
 ) -> None:
@@ -46,12 +47,14 @@ def rig(
     check_writable(json)
     boards = {}
     for seed in progress(seed_list(seeds), "walking"):
-        boards[seed] = score_walk(seed, scenario, seconds, perfect_calibration=perfect_calibration)
+        boards[seed] = score_walk(seed, scenario, seconds, perfect_calibration=perfect_calibration, camera=camera)
     together = Scoreboard()
     for seed, board in boards.items():
         together.take(board)
         score_table(f"unit {seed}, {scenario}, {seconds:g} s", board.summary())
     label = "perfect calibration" if perfect_calibration else "calibration with its stated residual"
+    if camera != "stereo":
+        label = f"{camera} camera, {label}"
     score_table(f"all units together, {label}", together.summary())
     if json is not None:
         units = {str(seed): board.summary() for seed, board in boards.items()}

@@ -1,29 +1,37 @@
-"""The line that is kept up to date while a service runs; plain lines once a second where there is no terminal."""
+"""The line that is kept up to date while a service runs: at a terminal, for the service manager, or once a second."""
+
+from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.live import Live
 from rich.text import Text
 
 from cli.console import console
+from daemon.sd_notify import ServiceManager
 from daemon.summary import Tally
 from messages import GroundPlane, Status
-from sim_rig.judge.referee import Referee
+
+if TYPE_CHECKING:
+    from sim_rig.judge.referee import Referee  # a wearable has no rig
 
 
 class LiveStatus:
     """Shows the newest ground estimate, beside the truth where there is one."""
 
-    def __init__(self, tally: Tally, referee: Referee | None = None) -> None:
+    def __init__(self, tally: Tally, referee: Referee | None = None, manager: ServiceManager | None = None) -> None:
+        self._manager = manager
         self._tally = tally
         self._referee = referee
         self._start_s = time.monotonic()
         self._told_s = 0.0
         self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
 
-    def __enter__(self) -> "LiveStatus":
+    def __enter__(self) -> LiveStatus:
         if self._live is not None:
             self._live.start()
         return self
@@ -34,15 +42,19 @@ class LiveStatus:
         if self._live is not None:
             self._live.stop()
 
-    def refresh(self) -> None:
-        """Show the state as it is now."""
+    def refresh(self, troubles: Sequence[str] = ()) -> None:
+        """Show the state as it is now, and what is wrong with devices."""
         elapsed_s = time.monotonic() - self._start_s
-        line = f"{elapsed_s:6.1f} s  " + self._seen()
+        seen = "; ".join((self._seen(), *troubles))
+        line = f"{elapsed_s:6.1f} s  " + seen
         if self._live is not None:
             self._live.update(Text(line), refresh=True)
         elif elapsed_s - self._told_s >= 1.0:
             self._told_s = elapsed_s
-            console.print(line, highlight=False, soft_wrap=True)
+            if self._manager is not None and self._manager.is_there:
+                self._manager.status(seen)
+            else:
+                console.print(line, highlight=False, soft_wrap=True)
 
     def _seen(self) -> str:
         ground = self._tally.ground

@@ -3,11 +3,13 @@
 import logging
 import sys
 
-import click
 import typer
 
+from cli.calibrate import calibrate
+from cli.check import check
 from cli.demo import demo
 from cli.evaluate import evaluate
+from cli.faults import faults
 from cli.replay import replay
 from cli.run import run
 
@@ -19,32 +21,36 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command()(run)
+app.command()(check)
 app.command()(demo)
 app.command()(replay)
+app.command()(faults)
 app.add_typer(evaluate, name="evaluate")
+app.add_typer(calibrate, name="calibrate")
 
 
 def main() -> None:
     """Run the command line; a user's mistake is one line on stderr and exit code 2, a failed service exit code 1."""
+    from cli.logs import configure_logs
     from messages.errors import ServiceError, UserError
 
-    logging.basicConfig(format="gaiteyes: %(message)s")
+    configure_logs()
     try:
         code = app(standalone_mode=False)
     except UserError as error:
         sys.exit(_told(str(error), code=2))
     except ServiceError as error:
         sys.exit(_told(str(error), code=1))
-    except click.ClickException as error:
-        error.show()
-        sys.exit(2)
-    except (click.Abort, KeyboardInterrupt):
+    except typer.TyperException as error:
+        sys.exit(_told(error.format_message(), code=2))
+    except (typer.Abort, KeyboardInterrupt):
         sys.exit(130)
     sys.exit(code)
 
 
 def _told(line: str, *, code: int) -> int:
-    print(f"gaiteyes: {line}", file=sys.stderr)
+    if line:  # help alone says nothing more
+        logging.getLogger("gaiteyes").error("%s", line)
     return code
 
 

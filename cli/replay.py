@@ -22,7 +22,7 @@ def replay(
     from daemon import replay as replaying
     from daemon.config import load_configuration
     from daemon.pipeline import Pipeline
-    from messages import Status, StereoFrame
+    from messages import Frame, Status
     from sim_rig.judge.floor import score_floor
     from sim_rig.judge.score import Scoreboard
 
@@ -53,7 +53,7 @@ def replay(
         facts["ground"] = board.summary()
         score_table("Ground against the recorded truth", board.summary())
     if opened.poses is not None:
-        frames = (message for message in opened.inputs() if isinstance(message, StereoFrame))
+        frames = (message for message in opened.inputs() if isinstance(message, Frame))
         facts["floor"] = scores = score_floor(frames, replayed.grounds, opened.poses, opened.calibration, foothold)
         floor_table("Floor against the truth's level ground at z = 0", scores)
     if damage is not None:

@@ -13,47 +13,74 @@ def run(
     last: Annotated[float | None, typer.Option(min=1.0, help="Record only the newest seconds.")] = None,
     json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
 ) -> None:
-    """Run the daemon on the IMU and the camera that the configuration names."""
-    from functools import partial
+    """Run the daemon on the IMU and the camera that the configuration names.
 
-    from smbus2 import SMBus
-
+    Started by hand it ends at once, with one line, if a device is missing; started by a service manager it says so
+    and keeps trying, for nobody is there to start it again.
+    """
     from calib.files import load_calibration
     from cli.console import check_writable, write_json
+    from cli.devices import build_imu, camera_opener
     from cli.live import LiveStatus
+    from cli.reload import Reloader
     from cli.wiring import build_service, open_outlets, open_recorder, stopped_by_signals, summary_tables
+    from daemon.camera_seat import CameraSeat
     from daemon.config import load_configuration
+    from daemon.realtime import lock_memory
+    from daemon.sd_notify import ServiceManager
     from daemon.summary import Tally
-    from drivers.mpu6050 import Mpu6050
-    from drivers.mpu6050_settings import Mpu6050Settings
-    from drivers.v4l2 import V4l2StereoCamera
-    from messages import Source
+    from drivers.protocols import DeviceError
+    from messages import ServiceError, Source
 
     check_writable(json)
     configuration = load_configuration(config)
     calibration = load_calibration(config.parent / configuration.calibration)
-    imu = Mpu6050(partial(SMBus, configuration.imu.bus), address=configuration.imu.address, settings=Mpu6050Settings())
-    imu.open()
-    stereo = calibration.stereo
-    camera = V4l2StereoCamera(
-        configuration.camera.device,
-        stereo.left.width_px,
-        stereo.left.height_px,
-        pool_frames=POOL_FRAMES,
-        stamp_to_mid_exposure_s=stereo.stamp_to_mid_exposure_s,
-        rate_hz=configuration.camera.rate_hz,
-    )
-    outlets = open_outlets(configuration, calibration)
+    manager = ServiceManager()
+    imu = build_imu(configuration.imu)
+    camera = CameraSeat(camera_opener(configuration.camera, calibration))
+    if not manager.is_there:
+        imu.open()
+        camera.open()
+    try:
+        outlets = open_outlets(configuration, calibration, patient=manager.is_there)
+    except DeviceError as error:
+        if manager.is_there:  # no mistake to mend by hand: the manager tries again
+            raise ServiceError(str(error)) from error
+        raise
     recorder = open_recorder(record, configuration, calibration, Source.LIVE, last) if record is not None else None
     tally = Tally()
-    service = build_service(configuration, calibration, Source.LIVE, imu, camera, outlets, recorder, [tally])
-    with stopped_by_signals(service), LiveStatus(tally) as live:
-        service.run(seconds, status=live.refresh)
+    service = build_service(
+        configuration,
+        calibration,
+        Source.LIVE,
+        imu,
+        camera,
+        outlets,
+        recorder,
+        [tally],
+        priorities=configuration.realtime.priorities,
+    )
+    if configuration.realtime.lock_memory:
+        lock_memory()
+    reloader = Reloader(config, configuration, calibration, service, camera, outlets)
+    with (
+        stopped_by_signals(service, manager.stopping),
+        reloader.listening(),
+        LiveStatus(tally, manager=manager) as live,
+    ):
+
+        def turn() -> None:
+            if reloader.asked:
+                manager.reloading()
+                reloader.reload()
+                manager.ready()
+            if service.progress.renew():
+                manager.alive()
+            live.refresh(service.troubles)
+
+        service.run(seconds, status=turn)
     facts = tally.summary(service.latency, service.beats_skipped)
-    summary_tables(facts)
+    if not manager.is_there:
+        summary_tables(facts)
     if json is not None:
         write_json(json, facts)
-
-
-POOL_FRAMES = 16
-"""One being filled, one waiting, one in the pipeline, eight in the recorder's queue, and some to spare."""

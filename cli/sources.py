@@ -10,7 +10,7 @@ from calib.files import check_frame_size, parse_calibration
 from daemon.config import Configuration, parse_configuration
 from drivers.asl_folder import AslFolder, TruthTrack
 from drivers.recording import McapRecording
-from messages import Calibration, GroundTruth, Input
+from messages import GroundTruth, Input, UnitCalibration
 from perception.foothold import FootholdSettings
 
 FLOOR_OF_A_FOLDER = FootholdSettings(ahead_m=1.5, half_length_m=0.75, half_width_m=0.75)
@@ -21,7 +21,7 @@ class ReplaySource(msgspec.Struct, frozen=True, kw_only=True):
     """One opened source. `damage` tells, once `inputs` has ended, why it ended early, if it did."""
 
     title: str
-    calibration: Calibration
+    calibration: UnitCalibration
     configuration: Configuration
     inputs: Callable[[], Iterator[Input]]
     rig_truth: Callable[[], dict[int, GroundTruth]] = dict

@@ -1,7 +1,7 @@
 """What `run` and `demo` put around the pipeline: publishers, recorder, signals and the summary for a person."""
 
 import signal
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -10,20 +10,21 @@ from typing import NamedTuple
 from calib.files import format_calibration
 from cli.console import table
 from daemon.config import Configuration, format_configuration
+from daemon.outgoing import Observer
 from daemon.pipeline import Pipeline
 from daemon.publish_can import CanPublisher
 from daemon.publish_zenoh import ZenohPublisher
 from daemon.recorder import Recorder, RecordingInfo
-from daemon.service import Background, Devices, Observer, Service
+from daemon.service import Background, Devices, Service
 from daemon.stamping import Stamper, read_boot_id
 from daemon.summary import RunSummary
 from drivers.can_link import CanLink
-from drivers.protocols import ImuSource, StereoSource
-from messages import Calibration, Source, UserError
+from drivers.protocols import FrameSource, ImuSource
+from messages import Source, UnitCalibration, UserError
 
 
 def open_recorder(
-    path: Path, configuration: Configuration, calibration: Calibration, source: Source, last_s: float | None
+    path: Path, configuration: Configuration, calibration: UnitCalibration, source: Source, last_s: float | None
 ) -> Recorder:
     """Return a recorder that writes to `path`, or keeps the newest `last_s` seconds for it."""
     info = RecordingInfo(
@@ -43,13 +44,16 @@ class Outlets(NamedTuple):
     link: CanLink
 
 
-def open_outlets(configuration: Configuration, calibration: Calibration) -> Outlets:
-    """Open Zenoh and CAN as configured; raises UserError, and leaves nothing open, if either cannot be."""
+def open_outlets(configuration: Configuration, calibration: UnitCalibration, *, patient: bool = False) -> Outlets:
+    """Open Zenoh and CAN as configured; raises UserError, and leaves nothing open, if either cannot be.
+
+    A `patient` CAN link may be absent for now.
+    """
     zenoh = ZenohPublisher(
         configuration.zenoh, configuration.device, calibration=calibration, configuration=configuration
     )
     try:
-        link = CanLink(configuration.can)
+        link = CanLink(configuration.can, patient=patient)
     except UserError:
         zenoh.close()
         raise
@@ -58,14 +62,16 @@ def open_outlets(configuration: Configuration, calibration: Calibration) -> Outl
 
 def build_service(
     configuration: Configuration,
-    calibration: Calibration,
+    calibration: UnitCalibration,
     source: Source,
     imu: ImuSource,
-    camera: StereoSource,
+    camera: FrameSource,
     outlets: Outlets,
     recorder: Recorder | None,
     observers: Sequence[Observer],
     background: Mapping[str, Background] | None = None,
+    *,
+    priorities: bool = False,
 ) -> Service:
     """Return the service on these devices and outlets."""
     return Service(
@@ -76,14 +82,16 @@ def build_service(
         background={"can": outlets.can.drain, **(background or {})},
         recorder=recorder,
         observers=observers,
+        priorities=priorities,
     )
 
 
 @contextmanager
-def stopped_by_signals(service: Service) -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM end `service.run` cleanly."""
+def stopped_by_signals(service: Service, farewell: Callable[[], None] = lambda: None) -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM end `service.run` cleanly; `farewell` is called when one has come."""
 
     def stop(_number: int, _frame: FrameType | None) -> None:
+        farewell()
         service.stop()
 
     before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}

@@ -7,6 +7,7 @@ import msgspec
 import tomli
 
 from daemon.publish_zenoh import ZenohSettings
+from daemon.realtime import RealtimeConfig
 from drivers.can_bus import CanSettings
 from messages import UserError
 from messages.checked import checked
@@ -14,17 +15,44 @@ from perception.foothold import FootholdSettings
 
 
 class ImuConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """The MPU-6050 at `address` of /dev/i2c-`bus`."""
+    """The MPU-6050, or a relative, at `address` of /dev/i2c-`bus`.
+
+    `data_ready` is the GPIO line on which its INT pin hangs, as CHIP:LINE ("/dev/gpiochip0:17"); without it the chip
+    is polled.
+    """
 
     bus: Annotated[int, msgspec.Meta(ge=0, le=255)] = 1
     address: Annotated[int, msgspec.Meta(ge=0x68, le=0x69)] = 0x68
+    data_ready: Annotated[str, msgspec.Meta(pattern="^(/[^:]+:[0-9]{1,3})?$")] = ""
 
 
 class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """A camera that delivers both eyes side by side, as a ZED does; the size of one eye is the calibration's."""
+    """The camera: `device` delivers both eyes side by side, as a ZED does, or depth; the calibration tells which, and
+    the size of one eye. Or `left` and `right` are two cameras, used while they expose within `max_skew_s` of each other
+    (see drivers.v4l2_pair for what that costs). A path of /dev/v4l/by-id or by-path outlives unplugging.
+
+    `rate_hz` is preferred among the camera's rates. `exposure_s` and `gain_percent` fix both eyes of a ZED; without
+    them its automatic is left as it is.
+    """
 
     device: str = "/dev/video0"
+    left: str | None = None
+    right: str | None = None
+    max_skew_s: Annotated[float, msgspec.Meta(ge=0.0001, le=0.025)] = 0.001
     rate_hz: Annotated[int, msgspec.Meta(ge=20, le=120)] = 60
+    exposure_s: Annotated[float, msgspec.Meta(gt=0.0, le=0.05)] | None = None
+    gain_percent: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what contradicts itself."""
+        if (self.left is None) != (self.right is None):
+            raise ValueError("left and right belong together: each eye needs its camera")
+        if self.left is not None and self.left == self.right:
+            raise ValueError(f"left and right are both {self.left}: each eye needs its own camera")
+        if (self.exposure_s is None) != (self.gain_percent is None):
+            raise ValueError("exposure_s and gain_percent belong together: fixing one ends the automatic of both")
+        if self.left is not None and self.exposure_s is not None:
+            raise ValueError("exposure_s and gain_percent are a ZED's, not those of the two cameras left and right")
 
 
 class Configuration(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,6 +65,7 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
     foothold: FootholdSettings = FootholdSettings()
     zenoh: ZenohSettings = ZenohSettings()
     can: CanSettings = CanSettings()
+    realtime: RealtimeConfig = RealtimeConfig()
 
 
 def load_configuration(path: Path) -> Configuration:
@@ -65,7 +94,8 @@ def format_configuration(configuration: Configuration) -> str:
     top: list[str] = []
     for name, value in msgspec.to_builtins(configuration).items():
         if isinstance(value, dict):
-            tables += ["", f"[{name}]", *(f"{key} = {_literal(item)}" for key, item in value.items())]
+            settings = (f"{key} = {_literal(item)}" for key, item in value.items() if item is not None)
+            tables += ["", f"[{name}]", *settings]
         else:
             top.append(f"{name} = {_literal(value)}")
     return "\n".join(top + tables) + "\n"

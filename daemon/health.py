@@ -8,6 +8,7 @@ from messages import (
     DeviceCounters,
     DropCause,
     DroppedFrame,
+    Frame,
     GroundPlane,
     Health,
     ImuSample,
@@ -15,7 +16,6 @@ from messages import (
     Load,
     Reason,
     Status,
-    StereoFrame,
 )
 
 PERIOD_NS = 1_000_000_000
@@ -39,7 +39,7 @@ class HealthMonitor:
             self._imu_samples += 1
             self._imu_clipped += message.clipped
             self._imu_lost += message.lost_before
-        elif isinstance(message, StereoFrame):
+        elif isinstance(message, Frame):
             self._frames += 1
         elif isinstance(message, DroppedFrame):
             self._superseded[message.cause] += 1
@@ -75,7 +75,9 @@ class HealthMonitor:
             imu_refused=self._imu_refused,
             imu_bus_errors=devices.imu_bus_errors,
             imu_fifo_overflows=devices.imu_fifo_overflows,
+            imu_frames_refused=devices.imu_frames_refused,
             imu_resets=devices.imu_resets,
+            imu_edges_missed=devices.imu_edges_missed,
             frames=self._frames,
             frames_valid=self._frames_valid,
             frames_dropped=dict(Counter(devices.frames_dropped) + self._superseded),

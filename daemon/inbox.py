@@ -1,13 +1,14 @@
 """The one queue between the device threads and the pipeline: every input in the order of its arrival.
 
-Bounded. Of stereo frames at most one waits: a newer one takes its turn and the older becomes a `DroppedFrame`
-(superseded). Of everything else the oldest goes when the inbox is full, counted in `dropped`.
+Bounded. Of frames at most one waits: a newer one takes its turn and the older becomes a `DroppedFrame`
+(superseded). Of everything else the oldest goes when the inbox is full, counted in `dropped`; but never a decision
+that holds until the next one, for there are few of them.
 """
 
 import threading
 from collections import deque
 
-from messages import DropCause, DroppedFrame, Input, StereoFrame
+from messages import DropCause, DroppedFrame, Frame, Input, LastingInput
 
 
 class Inbox:
@@ -23,11 +24,10 @@ class Inbox:
     def put(self, message: Input) -> None:
         """Append `message`; make room by the drop rule if needed."""
         with self._arrived:
-            if isinstance(message, StereoFrame):
+            if isinstance(message, Frame):
                 self._supersede_waiting_frame()
             if len(self._waiting) >= self._capacity:
-                self._waiting.popleft()
-                self.dropped += 1
+                self._make_room()
             self._waiting.append(message)
             self._arrived.notify()
 
@@ -38,9 +38,18 @@ class Inbox:
                 self._arrived.wait(timeout_s)
             return self._waiting.popleft() if self._waiting else None
 
+    def _make_room(self) -> None:
+        for place, waiting in enumerate(self._waiting):
+            if not isinstance(waiting, LastingInput):
+                del self._waiting[place]
+                break
+        else:
+            self._waiting.popleft()
+        self.dropped += 1
+
     def _supersede_waiting_frame(self) -> None:
         for place, waiting in enumerate(self._waiting):
-            if isinstance(waiting, StereoFrame):
+            if isinstance(waiting, Frame):
                 self._waiting[place] = DroppedFrame(header=waiting.header, cause=DropCause.SUPERSEDED)
                 self.frames_superseded += 1
                 return

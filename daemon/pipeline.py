@@ -5,23 +5,26 @@ Live, replay and simulation drive this same object; the silence of a device is s
 
 from collections.abc import Iterator
 
+from daemon.config import parse_configuration
 from daemon.health import HealthMonitor
 from messages import (
-    Calibration,
     Estimate,
+    Frame,
     GroundPlane,
     ImuSample,
     Input,
     Load,
     LoadLevel,
     Reason,
-    StereoFrame,
+    Reconfigured,
     Tick,
+    UnitCalibration,
 )
 from perception.attitude_track import AttitudeTrack
 from perception.foothold import FootholdSettings
 from perception.frame_guard import FrameGuard
 from perception.ground_estimator import GroundEstimator, no_ground
+from perception.motion_watch import MotionWatch
 
 LONGEST_WAIT_NS = 20_000_000
 """How long after its arrival a frame waits for an IMU sample later than its exposure, told by ticks."""
@@ -31,7 +34,7 @@ SILENCE_NS = 120_000_000
 
 FRAME_PERIOD_NS = 50_000_000
 
-IMU_SILENCE_NS = 35_000_000
+IMU_SILENCE_NS = 30_000_000
 """When no IMU sample has arrived for this long, attitude and ground are invalid at once, not with the next frame."""
 
 START_NS = 5_000_000_000
@@ -43,7 +46,7 @@ NO_FRAME_SEQ = -1
 class Pipeline:
     """Attitude from each IMU sample, ground from each frame, health once a second."""
 
-    def __init__(self, calibration: Calibration, foothold: FootholdSettings) -> None:
+    def __init__(self, calibration: UnitCalibration, foothold: FootholdSettings) -> None:
         self._calibration_id = calibration.id
         self._foothold = foothold
         self._attitude = AttitudeTrack(calibration)
@@ -51,26 +54,30 @@ class Pipeline:
         self._health = HealthMonitor(calibration.id)
         self._load = Load.NORMAL
         self._frame_guard = FrameGuard()
-        self._waiting: StereoFrame | None = None
+        self._motion = MotionWatch(calibration)
+        self._waiting: Frame | None = None
         self._imu_heard_ns: int | None = None
         self._imu_silent = False
         self._silent_from_ns: int | None = None
         self._camera_due_ns: int | None = None
 
-    def step(self, message: Input) -> tuple[Estimate, ...]:
-        """Take one input, in the order of arrival, and return the estimates that it completes."""
-        self._health.saw(message)
-        return tuple(self._react(message))
+    def step(self, message: Input) -> Iterator[Estimate]:
+        """Take one input, in the order of arrival, and yield the estimates that it completes, each when it is ready.
 
-    def _react(self, message: Input) -> Iterator[Estimate]:
+        To be exhausted before the next step: what need not hold up an estimate is done after it.
+        """
+        self._health.saw(message)
         if isinstance(message, ImuSample):
             yield from self._feel(message)
-        elif isinstance(message, StereoFrame):
+        elif isinstance(message, Frame):
             yield from self._take(message)
         elif isinstance(message, Tick):
             yield from self._notice(message.t_ns)
         elif isinstance(message, LoadLevel):
             self._load = message.load
+        elif isinstance(message, Reconfigured):
+            self._foothold = parse_configuration(message.configuration, "new configuration").foothold
+            self._ground.look_at(self._foothold)
 
     def _feel(self, sample: ImuSample) -> Iterator[Estimate]:
         if not self._attitude.accepts(sample):
@@ -78,25 +85,28 @@ class Pipeline:
             return
         self._imu_heard_ns = max(sample.t_arrival_ns, self._imu_heard_ns or 0)
         self._imu_silent = False
-        yield self._attitude.feel(sample)
+        self._motion.feel(sample)
+        attitude = self._attitude.feel(sample)
+        doubted = self._motion.reason is Reason.IMU_INCONSISTENT
+        yield self._attitude.unfelt(sample.t_sample_ns, Reason.IMU_INCONSISTENT) if doubted else attitude
         if self._waiting is not None and self._is_felt(self._waiting):
-            yield self._see(self._waiting)
+            yield from self._see(self._waiting)
 
-    def _take(self, frame: StereoFrame) -> Iterator[Estimate]:
+    def _take(self, frame: Frame) -> Iterator[Estimate]:
         if self._waiting is not None:
-            yield self._see(self._waiting)
+            yield from self._see(self._waiting)
         self._silent_from_ns = self._camera_due_ns = frame.header.t_arrival_ns + SILENCE_NS
-        doubt = self._frame_guard.judge(frame.header, (frame.left, frame.right))
+        doubt = self._frame_guard.judge(frame.header, frame.images)
         if doubt is not Reason.NONE:
             yield self._counted(self._ground.refused(frame, doubt))
             return
         self._waiting = frame
         if self._is_felt(frame):
-            yield self._see(frame)
+            yield from self._see(frame)
 
     def _notice(self, t_ns: int) -> Iterator[Estimate]:
         if self._waiting is not None and t_ns - self._waiting.header.t_arrival_ns > LONGEST_WAIT_NS:
-            yield self._see(self._waiting)
+            yield from self._see(self._waiting)
         yield from self._miss_camera(t_ns)
         yield from self._miss_imu(t_ns)
         yield from self._health.due(t_ns, self._load)
@@ -116,25 +126,32 @@ class Pipeline:
         yield self._attitude.unfelt(t_ns)
         yield self._without_frame(t_ns, Reason.NO_IMU)
 
-    def _is_felt(self, frame: StereoFrame) -> bool:
+    def _is_felt(self, frame: Frame) -> bool:
         newest_ns = self._attitude.newest_ns
         return newest_ns is not None and newest_ns > frame.header.t_exposure_ns
 
-    def _see(self, frame: StereoFrame) -> GroundPlane:
+    def _see(self, frame: Frame) -> Iterator[GroundPlane]:
         self._waiting = None
+        yield self._counted(self._ground_of(frame))
+        if self._motion.see(frame):
+            self._attitude.forget()
+        if self._motion.reason is Reason.NONE:
+            self._attitude.keep()
+
+    def _ground_of(self, frame: Frame) -> GroundPlane:
+        if self._motion.reason is not Reason.NONE:
+            return self._ground.refused(frame, self._motion.reason)
         attitude = None if self._imu_silent else self._attitude.at(frame.header.t_exposure_ns)
         if attitude is None:
             reason = self._attitude.reason
-            return self._counted(self._ground.refused(frame, Reason.NO_IMU if reason is Reason.NONE else reason))
-        return self._counted(
-            self._ground.estimate(
-                frame,
-                attitude.R_WB,
-                attitude.w_WB_B,
-                self._attitude.rotation_cov_W_rad2,
-                height_rate_mps=attitude.bob_mps,
-                reduced=self._load is Load.REDUCED,
-            )
+            return self._ground.refused(frame, Reason.NO_IMU if reason is Reason.NONE else reason)
+        return self._ground.estimate(
+            frame,
+            attitude.R_WB,
+            attitude.w_WB_B,
+            self._attitude.rotation_cov_W_rad2,
+            height_rate_mps=attitude.bob_mps,
+            reduced=self._load is Load.REDUCED,
         )
 
     def _without_frame(self, t_ns: int, reason: Reason) -> GroundPlane:

@@ -10,8 +10,9 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+from daemon.outgoing import in_time
 from drivers.can_link import SendResult
-from messages import Estimate, GroundPlane, Health, Stamp
+from messages import TOPIC_OF, Estimate, GroundPlane, Health, Stamp
 from messages.can_frames import CanEncoder, CanFrame
 
 
@@ -28,7 +29,8 @@ class FrameSender(Protocol):
 class CanPublisher:
     """Sends ground estimates (GROUND, then GROUND_QUALITY) and health; other estimates do not go on CAN.
 
-    `errors` counts what never reached the bus: frames by `failures`, and estimates by `superseded`.
+    `errors` counts what never reached the bus: frames by `failures`, and estimates by `superseded` and by `late`, those
+    that waited for longer than the deadline of their topic, or until they were too old (`daemon.outgoing`).
     """
 
     name = "can"
@@ -37,6 +39,7 @@ class CanPublisher:
         self.errors = 0
         self.sent = 0
         self.superseded = 0
+        self.late = 0
         self.failures: dict[SendResult, int] = {result: 0 for result in SendResult if result is not SendResult.SENT}
         self._link = link
         self._now_ns = now_ns
@@ -62,6 +65,11 @@ class CanPublisher:
                 self._filled.wait(timeout_s)
             waiting, self._waiting = self._waiting, {}
         for estimate, stamp in waiting.values():
+            if self._is_late(estimate, stamp):
+                with self._filled:
+                    self.late += 1
+                    self.errors += 1
+                continue
             for frame in self._frames(estimate, stamp):
                 result = self._link.send(frame)
                 if result is not SendResult.SENT:
@@ -72,6 +80,11 @@ class CanPublisher:
     def close(self) -> None:
         """Release the bus; what still waits is not sent."""
         self._link.close()
+
+    def _is_late(self, estimate: Estimate, stamp: Stamp) -> bool:
+        now_ns = self._now_ns()
+        waited_s = 1e-9 * (now_ns - stamp.t_publish_ns)
+        return waited_s > TOPIC_OF[type(estimate)].deadline_s or in_time(estimate, now_ns) is not estimate
 
     def _count_failure(self, result: SendResult) -> None:
         with self._filled:

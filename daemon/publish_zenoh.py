@@ -14,13 +14,14 @@ Subscribe to exact keys: where access control is on, a wider key expression gets
 import contextlib
 import json
 import re
+from collections.abc import Mapping
 from typing import Annotated
 
 import msgspec
 import zenoh
 
 from drivers.protocols import DeviceError
-from messages import TOPIC_OF, TOPICS, Calibration, Estimate, GroundPlane, Stamp
+from messages import TOPIC_OF, TOPICS, Estimate, GroundPlane, Stamp, UnitCalibration
 from messages.codec import encode, encode_line, published_schemas
 
 SEND_BUFFER_BYTES = 8192
@@ -51,7 +52,7 @@ class ZenohPublisher:
         settings: ZenohSettings,
         device: str,
         *,
-        calibration: Calibration,
+        calibration: UnitCalibration,
         configuration: msgspec.Struct,
         replay: bool = False,
     ) -> None:
@@ -72,12 +73,13 @@ class ZenohPublisher:
             if topic.published
         }
         prefix = f"gaiteyes/{device}/replay" if replay else f"gaiteyes/{device}"
-        answers = {
+        self._configuration_key = f"{prefix}/configuration"
+        self._answers = answers = {
             f"{prefix}/calibration": encode(calibration),
-            f"{prefix}/configuration": encode(configuration),
+            self._configuration_key: encode(configuration),
             f"{prefix}/schema": json.dumps(published_schemas()).encode(),
         }
-        queryables = [session.declare_queryable(key, _reply_with(key, answer)) for key, answer in answers.items()]
+        queryables = [session.declare_queryable(key, _reply_from(answers, key)) for key in answers]
         token = session.liveliness().declare_token(f"{prefix}/alive")
         self._undo = contextlib.ExitStack()  # runs backwards: the token goes first, the session last
         self._undo.callback(session.close)
@@ -86,6 +88,10 @@ class ZenohPublisher:
         for queryable in queryables:
             self._undo.callback(queryable.undeclare)
         self._undo.callback(token.undeclare)
+
+    def tell_configuration(self, configuration: msgspec.Struct) -> None:
+        """Answer queries with these settings from now on."""
+        self._answers[self._configuration_key] = encode(configuration)
 
     def publish(self, estimate: Estimate, stamp: Stamp) -> None:
         """Send one estimate, or let Zenoh drop it; never waits for a subscriber."""
@@ -127,10 +133,10 @@ def _reason(error: zenoh.ZError) -> str:
     return re.sub(r" at /\S+:\d+\.\]?", "", " ".join(str(error).split()))
 
 
-def _reply_with(key: str, answer: bytes) -> "zenoh.handlers.Callback[zenoh.Query]":
+def _reply_from(answers: Mapping[str, bytes], key: str) -> "zenoh.handlers.Callback[zenoh.Query]":
     def reply(query: zenoh.Query) -> None:
         with query:
-            query.reply(key, answer, encoding=zenoh.Encoding.APPLICATION_JSON)
+            query.reply(key, answers[key], encoding=zenoh.Encoding.APPLICATION_JSON)
 
     # Called in Zenoh's network thread: the answer is ready, and a thread made for the callback would outlive a service
     # that died without closing, and keep its process from ending.

@@ -12,6 +12,7 @@ When the queue is full the newcomer goes: a frame is recorded as a `DroppedFrame
 else is lost. Both are counted.
 """
 
+import itertools
 import threading
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -24,9 +25,11 @@ from messages import (
     DeviceCounters,
     DropCause,
     DroppedFrame,
+    Frame,
     ImuSample,
+    LastingInput,
     LoadLevel,
-    StereoFrame,
+    Reconfigured,
     Tick,
 )
 
@@ -85,14 +88,14 @@ class Recorder:
         """Queue `message`, or drop it by the rule. Waits for no disk and copies nothing."""
         with self._arrived:
             kept = message
-            if isinstance(message, StereoFrame) and self._frames_held >= self._queue_frames:
+            if isinstance(message, Frame) and self._frames_held >= self._queue_frames:
                 kept = DroppedFrame(header=message.header, cause=DropCause.NOT_RECORDED)
             no_room = len(self._waiting) >= self._queue_messages or self._closed
             if no_room or kept is not message:
                 self._drop(type(message))
             if no_room:
                 return
-            self._frames_held += isinstance(kept, StereoFrame)
+            self._frames_held += isinstance(kept, Frame)
             self._waiting.append(kept)
             self._arrived.notify()
 
@@ -107,7 +110,7 @@ class Recorder:
             kind, recorded = type(message), self._record(message)
             del message  # a frame's buffers are free before another frame may take its place
             with self._arrived:
-                self._frames_held -= kind is StereoFrame
+                self._frames_held -= issubclass(kind, Frame)
                 if not recorded:
                     self._drop(kind)
 
@@ -142,28 +145,32 @@ class Recorder:
 
 def _arrival_ns(message: Recordable) -> int:
     """Return when an input came; 0 for outputs and truth, which are shown at the time of the latest input."""
-    if isinstance(message, StereoFrame | DroppedFrame):
+    if isinstance(message, Frame | DroppedFrame):
         return message.header.t_arrival_ns
     if isinstance(message, ImuSample):
         return message.t_arrival_ns
     if isinstance(message, AnkleState):
         return message.t_sample_ns
-    if isinstance(message, Tick | LoadLevel | DeviceCounters):
+    if isinstance(message, Tick | LoadLevel | Reconfigured | DeviceCounters):
         return message.t_ns
     return 0
 
 
 class _Ring:
-    """The messages logged within `last_s` of the newest, encoded, and no more than `limit_bytes` of them."""
+    """The messages logged within `last_s` of the newest, encoded, and no more than `limit_bytes` of them.
+
+    Before them stands the newest of each kind of decision that still holds when they begin.
+    """
 
     def __init__(self, last_s: float, limit_bytes: int) -> None:
         self._last_ns = round(last_s * 1e9)
         self._limit_bytes = limit_bytes
         self._bytes = 0
         self._messages: deque[tuple[type[Recordable], tuple[Entry, ...]]] = deque()
+        self._lasting: dict[type[Recordable], tuple[Entry, ...]] = {}
 
     def __iter__(self) -> Iterator[tuple[type[Recordable], tuple[Entry, ...]]]:
-        return iter(self._messages)
+        return itertools.chain(self._lasting.items(), self._messages)
 
     @property
     def span_s(self) -> float:
@@ -174,7 +181,10 @@ class _Ring:
         self._bytes += _size(entries)
         first_ns = self._log_time_ns(-1) - self._last_ns
         while self._messages and (self._log_time_ns(0) < first_ns or self._bytes > self._limit_bytes):
-            self._bytes -= _size(self._messages.popleft()[1])
+            gone, gone_entries = self._messages.popleft()
+            self._bytes -= _size(gone_entries)
+            if issubclass(gone, LastingInput):
+                self._lasting[gone] = gone_entries
 
     def _log_time_ns(self, place: int) -> int:
         return self._messages[place][1][0].log_time_ns

@@ -1,10 +1,11 @@
-"""One MCAP file being written: channels that Foxglove shows, uncompressed images, one chunk for each stereo frame.
+"""One MCAP file being written: channels that Foxglove shows, uncompressed images, one chunk for each frame.
 
 What comes between two frames goes into the chunk of the later one; without frames a chunk ends after a second. So a
 killed process loses what came since the last frame, or the newest second.
 """
 
 import contextlib
+import itertools
 import logging
 import os
 from dataclasses import dataclass
@@ -16,17 +17,17 @@ from foxglove import Channel, Context, Schema, open_mcap
 from foxglove.mcap import MCAPWriteOptions
 from foxglove.messages import RawImage, Timestamp
 
-from drivers.recording import ABOUT, CALIBRATION_FILE, CONFIGURATION_FILE, FORMAT, LEFT_IMAGE, RIGHT_IMAGE
+from drivers.recording import ABOUT, CALIBRATION_FILE, CONFIGURATION_FILE, ENCODINGS, FORMAT, IMAGE_CHANNELS
 from messages import (
     TOPIC_OF,
     TOPICS,
     Estimate,
+    Frame,
     FrameHeader,
-    GreyImage,
     GroundTruth,
+    Image,
     Input,
     Source,
-    StereoFrame,
     UserError,
 )
 from messages.codec import encode, json_schema
@@ -65,16 +66,16 @@ class Entry(NamedTuple):
 def entries_of(message: Recordable, log_time_ns: int) -> tuple[Entry, ...]:
     """Return the entries that hold `message`; images are copied, so that their buffers are free again.
 
-    A stereo frame's header comes last: a reader takes the frame for complete when it meets the header.
+    A frame's header comes last: a reader takes the frame for complete when it meets the header.
     """
-    if not isinstance(message, StereoFrame):
+    if not isinstance(message, Frame):
         return (Entry(TOPIC_OF[type(message)].name, log_time_ns, encode(message)),)
     header = message.header
-    return (
-        Entry(LEFT_IMAGE, log_time_ns, _raw_image(header, message.left, "L")),
-        Entry(RIGHT_IMAGE, log_time_ns, _raw_image(header, message.right, "R")),
-        Entry(_HEADER_CHANNEL, log_time_ns, encode(header)),
+    images = (
+        Entry(channel, log_time_ns, _raw_image(header, image, frame_id))
+        for (channel, frame_id), image in zip(IMAGE_CHANNELS[type(message)], message.images, strict=True)
     )
+    return (*images, Entry(_HEADER_CHANNEL, log_time_ns, encode(header)))
 
 
 class RecordingFile:
@@ -104,9 +105,9 @@ class RecordingFile:
                 topic.name, message_encoding="json", schema=viewer_schema(topic.message), context=context
             )
             for topic in TOPICS.values()
-            if topic.message is not StereoFrame
+            if topic.message not in IMAGE_CHANNELS
         }
-        for name in (LEFT_IMAGE, RIGHT_IMAGE):
+        for name, _ in itertools.chain.from_iterable(IMAGE_CHANNELS.values()):
             self._channels[name] = Channel(
                 name, message_encoding="protobuf", schema=RawImage.get_schema(), context=context
             )
@@ -220,14 +221,14 @@ def _plain(node: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any]:
     return {"type": "number" if isinstance(node["type"], list) else node["type"]}
 
 
-def _raw_image(header: FrameHeader, image: GreyImage, frame_id: str) -> bytes:
+def _raw_image(header: FrameHeader, image: Image, frame_id: str) -> bytes:
     seconds, nanoseconds = divmod(max(header.t_exposure_ns, 0), 1_000_000_000)
     return RawImage(
         timestamp=Timestamp(sec=seconds, nsec=nanoseconds),
         frame_id=frame_id,
         width=image.shape[1],
         height=image.shape[0],
-        encoding="mono8",
-        step=image.shape[1],
+        encoding=ENCODINGS[image.dtype],
+        step=image.shape[1] * image.itemsize,
         data=image.tobytes(),
     ).encode()

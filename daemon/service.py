@@ -8,67 +8,43 @@
 The timer also tells the device counters once a second and decides the load level.
 """
 
-import contextlib
-import gc
 import logging
-import sys
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
-
-import cv2
 
 from daemon.inbox import Inbox
-from daemon.latency import FrameTimes, LatencyLog
+from daemon.latency import LatencyLog
+from daemon.outgoing import Observer, Outgoing, Publisher
 from daemon.pipeline import Pipeline
+from daemon.realtime import be_ordinary, paced_interpreter, prioritise, request_priorities
 from daemon.recorder import Recorder
 from daemon.stamping import Stamper
-from daemon.watch import GroundWatch, LoadDecision, Outage
-from drivers.protocols import AnkleSource, DeviceError, ImuSource, StereoSource
+from daemon.watch import LoadDecision, Outage
+from daemon.watchdog import Progress
+from drivers.protocols import AnkleSource, DeviceError, FrameSource, ImuSource
 from messages import (
     CanBusHealth,
     DeviceCounters,
-    Estimate,
-    FrameHeader,
-    GroundPlane,
+    DropCause,
+    DroppedFrame,
+    Frame,
+    Input,
     LoadLevel,
     ServiceError,
-    Stamp,
-    StereoFrame,
     Tick,
 )
 
 log = logging.getLogger("gaiteyes")
 
 TICK_NS = 10_000_000
-IMU_POLL_NS = 4_700_000
-"""Off any simple ratio to the chip's 10 ms, so that polls fall at all phases of it: the sample clock lives on that."""
 REOPEN_PAUSE_S = 0.2
-
-
-class Publisher(Protocol):
-    """Sends estimates away without ever blocking or raising into the pipeline's thread."""
-
-    @property
-    def name(self) -> str:
-        """Return what is published on."""
-
-    @property
-    def errors(self) -> int:
-        """Return how many estimates or frames did not get away."""
-
-    def publish(self, estimate: Estimate, stamp: Stamp) -> None:
-        """Send one estimate."""
-
-    def close(self) -> None:
-        """Stop sending."""
-
-
-Observer = Callable[[Estimate, FrameHeader | None], None]
-"""Told of every estimate in the pipeline's thread, with the header of its frame if it is a ground estimate."""
+_THREAD = "gaiteyes-"
+LATE_NS = 100_000_000
+"""A frame that waited longer for its turn, because the process stood still, is not computed any more."""
+FAREWELL_S = 2.0
+"""How long a thread may take to end before the service gives it up: a device call may hang for ever."""
 
 
 Background = Callable[[float], None]
@@ -80,7 +56,7 @@ class Devices:
     """What the service reads from. The camera and the IMU are needed; the ankle's state is welcome."""
 
     imu: ImuSource
-    camera: StereoSource
+    camera: FrameSource
     ankle: AnkleSource | None = None
 
 
@@ -97,34 +73,49 @@ class Service:
         background: Mapping[str, Background] | None = None,
         recorder: Recorder | None = None,
         observers: Sequence[Observer] = (),
+        priorities: bool = False,
     ) -> None:
         self._pipeline = pipeline
         self._devices = devices
-        self._publishers = tuple(publishers)
+        self._outgoing = Outgoing(publishers, stamper, recorder, observers)
         self._background = dict(background or {})
-        self._stamper = stamper
         self._recorder = recorder
-        self._observers = observers
         self._inbox = Inbox()
-        self._seen: OrderedDict[int, FrameHeader] = OrderedDict()
-        self._ground_watch = GroundWatch()
         self._stopping = threading.Event()
         self._producers_ended = threading.Event()
         self._died: list[str] = []
+        self._outages = {"imu": Outage("IMU"), "camera": Outage("camera")}
+        self._priorities = priorities
+        ankle = ("ankle",) if devices.ankle is not None else ()
+        self.progress = Progress(("imu", "camera", "timer", "pipeline", *ankle, *self._background))
+        """The rounds of the loops that must never hang; the recorder's may, a slow disk blinds nobody."""
         self.latency = LatencyLog()
-        self.beats_skipped = {"imu": 0, "timer": 0}
+        self.beats_skipped = {"timer": 0}
         """Periods that came too late, of the loops that keep an absolute pace; each loop has its own count."""
 
     def stop(self) -> None:
         """Ask `run` to return; may be called from a signal handler."""
         self._stopping.set()
 
+    @property
+    def troubles(self) -> list[str]:
+        """Return one line for each device that is absent now."""
+        return [outage.lasting for outage in self._outages.values() if outage.lasting]
+
+    def put(self, message: Input) -> None:
+        """Hand the pipeline a decision of the daemon's own, in the order of arrival."""
+        self._inbox.put(message)
+
+    def exchange_publisher(self, old: Publisher, new: Publisher) -> None:
+        """Publish on `new` from now on; the caller closes `old`."""
+        self._outgoing.exchange(old, new)
+
     def run(
         self, seconds: float | None = None, *, each_s: float = 0.25, status: Callable[[], None] | None = None
     ) -> None:
         """Run for `seconds` or until `stop`; `status` is called in this thread every `each_s`.
 
-        Raises ServiceError if a thread died.
+        Raises ServiceError if a thread died, or does not end because its device hangs.
         """
         producers = [
             self._thread("imu", self._read_imu),
@@ -136,9 +127,10 @@ class Service:
         consumers = [self._thread("pipeline", self._run_pipeline)]
         if self._recorder is not None:
             consumers.append(self._thread("recorder", self._write_recording, self._recorder))
-        consumers += [self._thread(name, self._serve, work) for name, work in self._background.items()]
+        consumers += [self._thread(name, self._serve, name, work) for name, work in self._background.items()]
         end_s = time.monotonic() + seconds if seconds is not None else float("inf")
-        with _paced_interpreter():
+        with paced_interpreter():
+            self._priorities = self._priorities and request_priorities()
             try:
                 for thread in consumers + producers:
                     thread.start()
@@ -148,28 +140,34 @@ class Service:
                     if time.monotonic() >= end_s:
                         break
             finally:
+                if self._priorities:
+                    be_ordinary()
                 self._shut_down(producers, consumers)
         if self._died:
             raise ServiceError(f"thread {', '.join(self._died)} of the service died")
 
     def _shut_down(self, producers: Sequence[threading.Thread], consumers: Sequence[threading.Thread]) -> None:
+        """End all threads, then close what they used; what a hanging thread may still use is left to the kernel."""
         self._stopping.set()
-        for thread in producers:
-            thread.join()
+        hung = _join(producers)
         self._producers_ended.set()
-        for thread in consumers:
-            thread.join()
-        if self._recorder is not None:
+        hung |= _join(consumers)
+        if self._recorder is not None and "recorder" not in hung:
             self._recorder.close()
-        for publisher in self._publishers:
-            publisher.close()
-        self._devices.imu.close()
-        self._devices.camera.close()
+        if not hung & {"pipeline", "ankle", *self._background}:
+            self._outgoing.close()
+        for name, device in (("imu", self._devices.imu), ("camera", self._devices.camera)):
+            if name not in hung:
+                device.close()
+        if hung:
+            raise ServiceError(f"thread {', '.join(sorted(hung))} of the service hangs and was given up")
 
     def _thread(self, name: str, work: Callable[..., None], *args: object) -> threading.Thread:
         def supervised() -> None:
             ended_well = False
             try:
+                if self._priorities:
+                    prioritise(name)
                 work(*args)
                 ended_well = True
             finally:
@@ -178,25 +176,30 @@ class Service:
                     self._stopping.set()
                     self._producers_ended.set()
 
-        return threading.Thread(target=supervised, name=f"gaiteyes-{name}")
+        # a daemon thread: one that hangs in a device must not keep the process from ending
+        return threading.Thread(target=supervised, name=_THREAD + name, daemon=True)
 
     def _read_imu(self) -> None:
-        down = Outage("IMU")
-        for _ in self._beats("imu", IMU_POLL_NS):
+        down = self._outages["imu"]
+        while not self._stopping.is_set():
+            self.progress.mark("imu")
             try:
-                samples = self._devices.imu.read()
+                samples = self._devices.imu.read(timeout_s=0.1)
             except DeviceError as error:
                 down.began(error)
                 self._stopping.wait(REOPEN_PAUSE_S)
                 continue
             if samples:
                 down.ended()
+            delay_ns = round(1e9 * self._devices.imu.filter_delay_s)
             for sample in samples:
                 self._inbox.put(sample)
+                self.latency.add_sample(time.monotonic_ns() - (sample.t_sample_ns + delay_ns))
 
     def _read_camera(self) -> None:
-        down = Outage("camera")
+        down = self._outages["camera"]
         while not self._stopping.is_set():
+            self.progress.mark("camera")
             try:
                 frame = self._devices.camera.read(timeout_s=0.1)
             except DeviceError as error:
@@ -209,6 +212,7 @@ class Service:
 
     def _read_ankle(self, ankle: AnkleSource) -> None:
         while not self._stopping.is_set():
+            self.progress.mark("ankle")
             state = ankle.receive(timeout_s=0.1)
             if state is not None:
                 self._inbox.put(state)
@@ -216,6 +220,7 @@ class Service:
     def _keep_time(self) -> None:
         load = LoadDecision()
         for beat in self._beats("timer", TICK_NS):
+            self.progress.mark("timer")
             now_ns = time.monotonic_ns()
             self._inbox.put(Tick(t_ns=now_ns))
             if beat % (1_000_000_000 // TICK_NS) == 0:
@@ -241,61 +246,39 @@ class Service:
             t_ns=now_ns,
             imu_bus_errors=imu.bus_errors,
             imu_fifo_overflows=imu.fifo_overflows,
+            imu_frames_refused=imu.frames_refused,
             imu_resets=imu.resets,
+            imu_edges_missed=imu.edges_missed,
             frames_dropped=dict(self._devices.camera.dropped),
             inbox_dropped=self._inbox.dropped,
             recorder_dropped=self._recorder.dropped if self._recorder is not None else 0,
-            can_errors=sum(p.errors for p in self._publishers if p.name == "can"),
+            can_errors=self._outgoing.errors("can"),
             can_bus=self._devices.ankle.bus_health if self._devices.ankle is not None else CanBusHealth(),
-            zenoh_errors=sum(p.errors for p in self._publishers if p.name == "zenoh"),
+            zenoh_errors=self._outgoing.errors("zenoh"),
         )
 
     def _run_pipeline(self) -> None:
         while True:
+            self.progress.mark("pipeline")
             message = self._inbox.get(timeout_s=0.1)
             if message is None:
                 if self._producers_ended.is_set():
                     return
                 continue
             taken_ns = time.monotonic_ns()
-            if isinstance(message, StereoFrame):
-                self._remember(message.header)
+            if isinstance(message, Frame):
+                if taken_ns - message.header.t_arrival_ns > LATE_NS:
+                    message = DroppedFrame(header=message.header, cause=DropCause.LATE)
+                else:
+                    self._outgoing.remember(message.header)
             if self._recorder is not None:
                 self._recorder.offer(message)
             for estimate in self._pipeline.step(message):
-                self._hand_out(estimate, taken_ns)
+                self._outgoing.send(estimate, taken_ns, time.monotonic_ns, self.latency)
 
-    def _remember(self, header: FrameHeader) -> None:
-        self._seen[header.seq] = header
-        while len(self._seen) > _FRAMES_IN_HAND:
-            self._seen.popitem(last=False)
-
-    def _hand_out(self, estimate: Estimate, taken_ns: int) -> None:
-        computed_ns = time.monotonic_ns()
-        stamp = self._stamper.stamp(estimate, computed_ns)
-        for publisher in self._publishers:
-            publisher.publish(estimate, stamp)
-        header = None
-        if isinstance(estimate, GroundPlane):
-            header = self._seen.pop(estimate.frame_seq, None)
-            self._ground_watch.saw(estimate.reason)
-        if header is not None:
-            self.latency.add(
-                FrameTimes(
-                    t_exposure_ns=header.t_exposure_ns,
-                    t_arrival_ns=header.t_arrival_ns,
-                    t_taken_ns=taken_ns,
-                    t_computed_ns=computed_ns,
-                    t_published_ns=time.monotonic_ns(),
-                )
-            )
-        if self._recorder is not None:
-            self._recorder.offer(estimate)
-        for observe in self._observers:
-            observe(estimate, header)
-
-    def _serve(self, work: Background) -> None:
+    def _serve(self, name: str, work: Background) -> None:
         while not self._producers_ended.is_set():
+            self.progress.mark(name)
             work(0.1)
 
     def _write_recording(self, recorder: Recorder) -> None:
@@ -303,21 +286,9 @@ class Service:
             recorder.drain(timeout_s=0.1)
 
 
-_FRAMES_IN_HAND = 4
-
-
-@contextlib.contextmanager
-def _paced_interpreter() -> Iterator[None]:
-    """Set what keeps the threads punctual: one OpenCV thread, a short switch interval, no collector pauses."""
-    threads, interval = cv2.getNumThreads(), sys.getswitchinterval()
-    cv2.setNumThreads(1)
-    sys.setswitchinterval(5e-4)
-    gc.freeze()
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
-        gc.unfreeze()
-        sys.setswitchinterval(interval)
-        cv2.setNumThreads(threads)
+def _join(threads: Sequence[threading.Thread]) -> set[str]:
+    """Wait for all to end, `FAREWELL_S` together; return which did not."""
+    end_s = time.monotonic() + FAREWELL_S
+    for thread in threads:
+        thread.join(max(0.0, end_s - time.monotonic()))
+    return {thread.name.removeprefix(_THREAD) for thread in threads if thread.is_alive()}

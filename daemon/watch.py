@@ -1,6 +1,9 @@
 """What the service notices of its own running, told to a person once and not with every frame."""
 
 import logging
+import math
+import time
+from collections.abc import Callable
 
 from drivers.protocols import DeviceError
 from messages import Load, Reason
@@ -9,6 +12,7 @@ log = logging.getLogger("gaiteyes")
 
 RELAX_AFTER_S = 5.0
 FRAMES_BEFORE_TOLD = 20
+QUIET_S = 10.0
 
 IN_WORDS = {
     Reason.NOT_AT_REST: "the IMU is not at rest yet; stand still for a second",
@@ -23,28 +27,47 @@ IN_WORDS = {
     Reason.WRONG_SIZE: "the frames are of another size than the calibration",
     Reason.FROZEN_FRAME: "the camera repeats one picture",
     Reason.TIME_INCONSISTENT: "the frames' stamps contradict their arrival or the IMU",
+    Reason.LATE: "the planes come too late; the processor is overloaded, or the process stood still",
     Reason.IMU_INCONSISTENT: "the IMU feels another motion than the camera sees; check how both are mounted",
 }
 
 
 class Outage:
-    """Logs the beginning and the end of a device's absence, not every attempt in between."""
+    """Logs the beginning and the end of a device's absence, not every attempt in between.
 
-    def __init__(self, device: str) -> None:
+    A device that comes and goes is told of once in `QUIET_S`; what happened meanwhile is counted.
+    """
+
+    def __init__(self, device: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._device = device
-        self._out = False
+        self._clock = clock
+        self._attempts = 0
+        self._began_s = 0.0
+        self._told_s = -math.inf
+        self._telling = False
+        self._untold = 0
+        self.lasting = ""
+        """What is wrong with the device now, empty if nothing is."""
 
     def began(self, error: DeviceError) -> None:
         """Take one failed attempt."""
-        if not self._out:
-            log.error("%s lost: %s", self._device, error)
-        self._out = True
+        self.lasting = f"{self._device} lost: {error}"
+        if self._attempts == 0:
+            self._began_s = self._clock()
+            self._telling = self._began_s - self._told_s >= QUIET_S
+            if self._telling:
+                log.error("%s%s", self.lasting, f" outages_untold={self._untold}" if self._untold else "")
+                self._told_s, self._untold = self._began_s, 0
+            else:
+                self._untold += 1
+        self._attempts += 1
 
     def ended(self) -> None:
         """Take one success."""
-        if self._out:
-            log.warning("%s is back", self._device)
-        self._out = False
+        if self._attempts and self._telling:
+            outage_s = self._clock() - self._began_s
+            log.warning("%s is back: outage_s=%.2f attempts=%d", self._device, outage_s, self._attempts)
+        self._attempts, self.lasting = 0, ""
 
 
 class LoadDecision:

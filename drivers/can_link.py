@@ -109,6 +109,12 @@ class CanLink:
             if state is not None or self._now_ns() >= deadline_ns:
                 return state
 
+    def reconfigure(self, settings: CanSettings) -> None:
+        """Go over to another bus, opened with the next use of the link."""
+        with self._sending, self._receiving:
+            self._settings = settings
+            self._failed, self._retry_ns, self._pause_s = True, 0, FIRST_PAUSE_S
+
     def close(self) -> None:
         """Release the bus; the link is of no use afterwards."""
         with self._sending, self._receiving:

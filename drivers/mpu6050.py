@@ -1,81 +1,74 @@
 """MPU-6050 over I2C: identify, configure, read in bursts through its FIFO, back-date, and mend what breaks.
 
-The chip's facts stand in `drivers.mpu6050_registers`, the configuration is computed once from the settings, and what
-changes while it runs is in `_Stream`: three things kept apart. Source of every procedure: InvenSense MPU-6000/
-MPU-6050 Register Map and Descriptions, and Product Specification (start-up times, FIFO).
+What chips there are stands in `drivers.mpu6050_chips`, the configuration is computed once from settings and chip, and
+what changes with each sample is in `drivers.mpu6050_stream`: three things kept apart. Source of every procedure:
+InvenSense MPU-6000/MPU-6050 Register Map and Descriptions, and Product Specification (start-up times, FIFO).
 """
 
 import errno
-import struct
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
+from drivers.mpu6050_chips import ChipModel, model_of
+from drivers.mpu6050_frames import FRAME, fifo_count, new_output, split
 from drivers.mpu6050_registers import (
-    CHIP_NAMES,
-    FIFO_BYTES,
     FILTER_SETTLING_S,
     GYRO_START_S,
-    MPU6050_WHO_AM_I,
     RESET_S,
-    TEMPERATURE_AT_ZERO_DEGC,
-    TEMPERATURE_LSB_PER_DEGC,
-    Interrupt,
     Power,
     Register,
     UserControl,
 )
+from drivers.mpu6050_self_test import SelfTest, run_self_test
 from drivers.mpu6050_settings import Mpu6050Settings, configure
-from drivers.protocols import DeviceError, RegisterBus
+from drivers.mpu6050_stream import SampleStream
+from drivers.protocols import DataReadyLine, DeviceError, RegisterBus
 from drivers.register_access import ATTEMPTS, RegisterAccess
-from drivers.sample_clock import SampleClock
+from drivers.sample_wait import SampleWait
 from messages import ImuSample
 
-_FRAME = struct.Struct(">7h")  # accelerometer xyz, temperature, gyroscope xyz, as the output registers stand
 _MIN_ROOM_FRAMES = 3  # with no more room than this the FIFO may overflow while it is being read
-_CHECK_EVERY_S = 1.0
+_CHECK_EVERY_NS = 1_000_000_000
+_FASTEST_BYTE_S = 9 / 400_000  # fast mode is the most these chips know
+_DOUBT_PERIODS = 3
 _STALL_PERIODS = 8
-_FROZEN_FRAMES = 20  # noise alone keeps a living chip from repeating itself so often
-_CLIPPED = (-32768, 32767)
 
 
 @dataclass
 class Mpu6050Counters:
-    """Since the driver was made: samples lost, transfers failed, FIFOs flushed for overflow, chips reset to mend."""
+    """Since the driver was made; `drivers.protocols.ImuCounters` says what each counts."""
 
     lost: int = 0
     bus_errors: int = 0
     fifo_overflows: int = 0
+    frames_refused: int = 0
     resets: int = 0
-
-
-@dataclass
-class _Stream:
-    """What changes while the chip runs. Samples are numbered from 1 since the first start."""
-
-    taken: int = 0  # the newest sample taken from the chip, discarded ones included
-    delivered: int = 0  # the newest sample returned
-    heard_ns: int = 0  # when there was last a sample, or a start
-    heard_since_start: bool = False
-    checked_ns: int = 0
-    frame: bytes = b""
-    repeats: int = 0
+    edges_missed: int = 0
 
 
 class Mpu6050:
-    """The IMU as `drivers.protocols.ImuSource`; call `open` first, then `read` about twice per sample period.
+    """An MPU-6050, or a relative of `drivers.mpu6050_chips`, as `drivers.protocols.ImuSource`; call `open` first.
 
-    Where the adapter has true I2C transfers, samples come from the chip's FIFO and polling may be late by half a
-    second without loss; where it knows SMBus only, they come from the output registers, and a poll later than one
-    period loses samples, which are counted.
+    Where the adapter has true I2C transfers, samples come from the chip's FIFO and reading may be late by half a
+    second (MPU-6500 and its like: a quarter) without loss; where it knows SMBus only, they come from the output
+    registers, and a look later than one period loses samples, which are counted.
 
-    `t_sample_ns` is the estimated data-ready instant minus the mean of the two sensors' filter delays (each is
-    within 0.2 ms of it, at the default row 0.05 ms). `seq` numbers the chip's samples, lost ones included.
+    `open_data_ready` opens the line on which the chip's INT pin hangs; `read` then wakes with each sample, and the
+    kernel's stamps make the sample times exact to some hundredths of a millisecond. Without it, and while the line is
+    silent or gone though samples come (`edges_missed`), the chip is polled about twice per sample.
 
-    Faults climb a ladder: a register transfer is tried three times; then the bus is opened anew; then the chip is
-    reset and configured; then DeviceError is raised, and the next `read` starts over. Once a second, and when
-    samples stop, the configuration is read back, because a brown-out silently returns the chip to sleep.
+    `t_sample_ns` is the estimated data-ready instant minus the gyroscope's filter delay. The accelerometer's filter
+    differs: by 0.1 ms in the MPU-6050's default row, by up to 0.4 ms in its others, and by 1.0 ms in all relatives,
+    whose specific force is therefore 1.0 ms younger than `t_sample_ns` says. `seq` numbers the chip's samples, lost
+    ones included.
+
+    Faults climb a ladder: a register transfer is tried three times; then the bus is opened anew; then, if the chip
+    lost its configuration or still fails, it is reset and configured; then DeviceError is raised, and the next `read`
+    starts over. Once a second, and when samples stop for three periods, the configuration is read back, because a
+    brown-out silently returns the chip to sleep. After a mending no sample is delivered before one has come that
+    differs from its predecessor.
     """
 
     def __init__(
@@ -84,17 +77,23 @@ class Mpu6050:
         *,
         address: int = 0x68,
         settings: Mpu6050Settings,
+        open_data_ready: Callable[[], DataReadyLine] | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._counters = Mpu6050Counters()
         self._address = address
-        self._configuration = configure(settings)
+        self._settings = settings
+        self._chip: ChipModel | None = None
         self._clock = clock
         self._sleep = sleep
         self._access = RegisterAccess(open_bus, address, self._counters, sleep)
-        self._sample_clock = SampleClock(self._configuration.period_s)
-        self._stream = _Stream()
+        configuration = configure(settings)
+        self._stream = SampleStream(configuration, self._counters, clock, has_edges=open_data_ready is not None)
+        self._wait = SampleWait(open_data_ready, configuration.period_s, clock, sleep)
+        self._checked_ns = 0  # when the configuration was last read back
+        self._doubted_ns = 0  # the same, because samples stopped
+        self._reopened_after_ns: int | None = None  # the last sample before the bus was opened anew
 
     @property
     def counters(self) -> Mpu6050Counters:
@@ -102,102 +101,170 @@ class Mpu6050:
         return self._counters
 
     @property
+    def chip(self) -> ChipModel | None:
+        """Return which chip it is; None before the first `open`."""
+        return self._chip
+
+    @property
     def period_s(self) -> float:
         """Return the chip's true sample period as estimated so far."""
-        return self._sample_clock.period_s
+        return self._stream.period_s
+
+    @property
+    def filter_delay_s(self) -> float:
+        """Return what `t_sample_ns` is earlier than the data-ready instant."""
+        return self._stream.configuration.filter_row.delay_s
 
     def open(self) -> None:
         """Identify, reset and configure the chip and start its samples; takes about a quarter of a second.
 
-        Raises DeviceError if the bus or the chip does not answer, or if the chip is another one.
+        Raises DeviceError if the bus, the chip or the data-ready line cannot be had, or if the chip is not supported.
         """
         try:
             self._connect()
+            self._wait.open()
             self._start()
         except OSError as error:
             self._give_up(error)
 
-    def read(self) -> Sequence[ImuSample]:
-        """Return all samples taken since the last call, oldest first; empty if there are none or after mending.
+    def read(self, timeout_s: float) -> Sequence[ImuSample]:
+        """Return all samples taken since the last call, oldest first; empty if none came within `timeout_s`.
 
-        Raises DeviceError when the ladder is at its end, or when another chip answers; a later call starts over.
+        With 0 the chip is looked at once, at once. Raises DeviceError when the ladder is at its end, or when another
+        chip answers; a later call starts over. Mending the chip may take a quarter of a second longer.
         """
-        if self._access.is_open:
+        end_ns = self._clock() + round(timeout_s * 1e9)
+        while True:
+            if self._access.is_open:
+                self._stream.add_edges(self._wait.until(end_ns, edges_expected=self._stream.edges_are_seen))
+            samples = self._look()
+            if samples or self._clock() >= end_ns:
+                return samples
+
+    def self_test(self) -> SelfTest:
+        """Push each axis electrically and compare with the factory's trim; takes about two seconds.
+
+        The chip is configured and streaming again afterwards, the samples meanwhile count as lost. Raises DeviceError
+        if the unit was not at rest or the chip cannot be had.
+        """
+        if self._chip is None or not self._access.is_open:
+            self.open()
+        try:
             try:
-                return self._poll()
-            except OSError:
-                if self._reopen():
-                    return []
-        self._restart()
-        return []
+                return run_self_test(self._access, self._chip_found(), self._sleep)
+            finally:
+                self._start()
+        except OSError as error:
+            self._give_up(error)
 
     def close(self) -> None:
-        """Release the bus."""
+        """Release the bus and the line."""
         self._access.close()
+        self._wait.close()
 
     # Starting and mending
 
     def _connect(self) -> None:
+        """Open the bus; make sure that the chip is the one that was found first, or find it."""
         self._access.reopen(Register.WHO_AM_I)
-        who_am_i = self._access.read_byte(Register.WHO_AM_I)
-        if who_am_i != MPU6050_WHO_AM_I:
-            self._access.close()
-            name = CHIP_NAMES.get(who_am_i, "no chip this driver knows")
-            raise DeviceError(
-                f"IMU at I2C address 0x{self._address:02x}: WHO_AM_I reads 0x{who_am_i:02x} ({name}), "
-                f"expected 0x{MPU6050_WHO_AM_I:02x} ({CHIP_NAMES[MPU6050_WHO_AM_I]})"
-            )
+        self._identify()
+
+    def _identify(self) -> None:
+        try:
+            found = model_of(self._access.read_byte(Register.WHO_AM_I))
+        except LookupError as error:
+            self._refuse(str(error))
+        if self._chip is None:
+            self._chip = found
+            self._stream.configuration = configure(self._settings, found)
+        elif found is not self._chip:
+            self._refuse(f"it is now 0x{found.who_am_i:02x} {found.name}, was 0x{self._chip.who_am_i:02x}")
+
+    def _chip_found(self) -> ChipModel:
+        if self._chip is None:
+            raise OSError(errno.ENODEV, "no chip found yet")
+        return self._chip
 
     def _start(self) -> None:
+        self._identify()
         self._access.write_byte(Register.PWR_MGMT_1, Power.DEVICE_RESET)
         self._sleep(RESET_S)
         self._access.write_byte(Register.PWR_MGMT_1, Power.INTERNAL_OSCILLATOR)
         self._sleep(GYRO_START_S)  # the PLL may be chosen only once the gyroscope runs
-        for register, value in self._configuration.registers:
+        for register, value in self._stream.configuration.registers:
             self._access.write_byte(register, value)
         self._sleep(FILTER_SETTLING_S)
+        t_before_ns = self._discard_waiting()
         if wrong := self._wrong_register():
             raise OSError(errno.EIO, wrong)
-        t_before_ns = self._discard_waiting()
-        self._sample_clock.restart(self._stream.taken, t_before_ns)
-        self._stream.heard_ns = self._stream.checked_ns = t_before_ns
-        self._stream.heard_since_start = False
+        self._stream.restarted_at(t_before_ns)
+        self._checked_ns = t_before_ns
 
     def _wrong_register(self) -> str:
         """Return which register does not hold what was written to it; empty if all do."""
-        for register, expected in self._configuration.registers:
-            value = self._access.read_byte(register)
-            if value != expected:
-                return f"{register.name} reads 0x{value:02x}, was set to 0x{expected:02x}"
+        expected: dict[int, int] = dict(self._stream.configuration.registers)
+        expected[Register.USER_CTRL] = UserControl.FIFO_EN if self._access.has_combined_transfers else 0
+        for register, value in self._access.read_each(sorted(expected)).items():
+            if value != expected[register]:
+                return f"{Register(register).name} reads 0x{value:02x}, was set to 0x{expected[register]:02x}"
         return ""
 
-    def _reopen(self) -> bool:
-        """Open the bus anew; return whether the chip is still there and configured."""
+    def _come_back(self, symptom: str) -> None:
+        """Open the bus anew; restart the chip if it lost its configuration, or if this was tried since the last sample.
+
+        Raises DeviceError if that is in vain.
+        """
+        tried, self._reopened_after_ns = self._reopened_after_ns == self._stream.heard_ns, self._stream.heard_ns
         try:
             self._connect()
-            return not self._wrong_register()
-        except OSError:
-            return False
+            is_configured = not self._wrong_register()
+        except OSError as error:
+            self._give_up(error)
+        if tried:
+            self._mend(symptom)
+        elif not is_configured:
+            self._restart()
 
     def _restart(self) -> None:
-        """Open the bus anew, reset and configure the chip."""
+        """Reset and configure the chip."""
         try:
-            self._connect()
             self._start()
         except OSError as error:
             self._give_up(error)
         self._counters.resets += 1
 
+    def _mend(self, symptom: str) -> None:
+        """Restart a chip that answers without working; raise DeviceError if it has not worked since the last start."""
+        hopeless = not self._stream.works
+        self._restart()
+        if hopeless:
+            self._refuse(f"answers but {symptom}")
+
     def _give_up(self, error: OSError) -> NoReturn:
         self._access.close()
+        self._reopened_after_ns = None
         raise DeviceError(f"IMU at I2C address 0x{self._address:02x}: {error}") from error
+
+    def _refuse(self, why: str) -> NoReturn:
+        self._give_up(OSError(why))
 
     # Reading
 
+    def _look(self) -> list[ImuSample]:
+        """Return what the chip has now; empty after mending."""
+        if self._access.is_open:
+            try:
+                return self._poll()
+            except OSError as error:
+                self._come_back(str(error))
+        else:
+            self._come_back("does not come back")
+        return []
+
     def _poll(self) -> list[ImuSample]:
         now_ns = self._clock()
-        if now_ns - self._stream.checked_ns > _CHECK_EVERY_S * 1e9:
-            self._stream.checked_ns = now_ns
+        if now_ns - self._checked_ns > _CHECK_EVERY_NS:
+            self._checked_ns = now_ns
             if self._wrong_register():
                 self._restart()
                 return []
@@ -205,32 +272,26 @@ class Mpu6050:
 
     def _read_outputs(self) -> list[ImuSample]:
         """Take the sample in the output registers; after a late poll, look again if it is in doubt which one it is."""
-        data, t_before_ns, t_after_ns = self._new_output()
+        data, t_before_ns, t_after_ns = new_output(self._access, self._clock)
         if not data:
             return self._nothing_new(t_before_ns)
-        doubt_s = self._sample_clock.doubt_s(self._stream.taken + 1, t_before_ns)
+        doubt_s = self._stream.doubt_s(t_before_ns)
         if doubt_s > 0.0:
             self._sleep(doubt_s)
-            further, t_before_ns, t_after_ns = self._new_output()
+            further, t_before_ns, t_after_ns = new_output(self._access, self._clock)
             data += further
         return self._samples(data, t_before_ns, t_after_ns)
 
-    def _new_output(self) -> tuple[bytes, int, int]:
-        """Return the output registers if they are new, else nothing, and the times before and after.
-
-        INT_STATUS stands right before them and one burst is from one instant, so the two belong together.
-        """
-        t_before_ns = self._clock()
-        block = self._access.read(Register.INT_STATUS, 1 + _FRAME.size)
-        t_after_ns = self._clock()
-        return (block[1:] if block[0] & Interrupt.DATA_READY else b""), t_before_ns, t_after_ns
-
     def _read_fifo(self) -> list[ImuSample]:
         """Drain the FIFO. A broken burst is tried again if the FIFO still holds whole frames."""
+        fifo_bytes = self._stream.configuration.chip.fifo_bytes
         for _ in range(ATTEMPTS):
-            count, t_before_ns, t_after_ns = self._fifo_count()
-            room_frames = (FIFO_BYTES - count) // _FRAME.size
-            if count % _FRAME.size or room_frames <= _MIN_ROOM_FRAMES:
+            count, t_before_ns, t_after_ns = fifo_count(self._access, self._clock)
+            if count > fifo_bytes:
+                self._counters.bus_errors += 1
+                raise OSError(errno.EIO, f"FIFO_COUNT reads {count}, the FIFO holds {fifo_bytes}")
+            room_frames = (fifo_bytes - count) // FRAME.size
+            if count % FRAME.size or room_frames <= _MIN_ROOM_FRAMES:
                 return self._flush()
             if count == 0:
                 return self._nothing_new(t_before_ns)
@@ -239,31 +300,21 @@ class Mpu6050:
             except OSError as error:
                 fault = error
                 continue
-            if self._clock() - t_before_ns > room_frames * self.period_s * 1e9:
-                return self._flush()  # held up for so long that it may have overflowed meanwhile
+            held_up_s = 1e-9 * (self._clock() - t_before_ns) - count * _FASTEST_BYTE_S
+            if held_up_s > room_frames * self.period_s:
+                return self._flush()  # it may have overflowed before the burst began
             return self._samples(data, t_before_ns, t_after_ns)
         raise fault
-
-    def _fifo_count(self) -> tuple[int, int, int]:
-        """Return the bytes in the FIFO and the times before and after; once more if a frame seems half written."""
-        for _ in range(2):
-            t_before_ns = self._clock()
-            count = self._access.read_word(Register.FIFO_COUNTH)
-            t_after_ns = self._clock()
-            if count % _FRAME.size == 0:
-                break
-        return count, t_before_ns, t_after_ns
 
     def _flush(self) -> list[ImuSample]:
         """Discard what the FIFO holds, halfway between two samples so that no doubt remains which were lost."""
         self._counters.fifo_overflows += 1
-        self._sleep(self._sample_clock.until_mid_period_s(self._clock()))
-        self._stream.heard_ns = self._discard_waiting()
-        self._sample_clock.skip_to(self._stream.taken)
+        self._sleep(self._stream.until_mid_period_s())
+        self._discard_waiting()
         return []
 
     def _discard_waiting(self) -> int:
-        """Empty the FIFO, or forget a waiting data-ready, and count the samples passed by then; return when it was."""
+        """Empty the FIFO, or forget a waiting data-ready; return the time right before."""
         if self._access.has_combined_transfers:
             self._access.write_byte(Register.USER_CTRL, UserControl.FIFO_RESET)
             t_before_ns = self._clock()
@@ -271,64 +322,29 @@ class Mpu6050:
         else:
             t_before_ns = self._clock()
             self._access.read_byte(Register.INT_STATUS)
-        self._stream.taken = self._sample_clock.completed_at((t_before_ns + self._clock()) // 2)
+        self._stream.discarded_at((t_before_ns + self._clock()) // 2)
+        self._wait.waiting()  # those edges belong to samples nobody will see
         return t_before_ns
 
     def _nothing_new(self, t_ns: int) -> list[ImuSample]:
-        """Note that no sample had come at `t_ns`; restart the chip if none has come for long."""
-        self._sample_clock.pending_at(self._stream.taken + 1, t_ns)
-        if t_ns - self._stream.heard_ns > _STALL_PERIODS * self._configuration.period_s * 1e9:
+        """Note that no sample had come at `t_ns`; look after the chip if none has come for long."""
+        stream = self._stream
+        stream.nothing_at(t_ns)
+        silent_periods = stream.silent_periods(t_ns)
+        if silent_periods > _STALL_PERIODS:
             self._mend("delivers no samples")
+        elif silent_periods > _DOUBT_PERIODS and self._doubted_ns < stream.heard_ns:
+            self._doubted_ns = t_ns
+            if wrong := self._wrong_register():
+                self._mend(wrong)
         return []
-
-    def _mend(self, symptom: str) -> None:
-        """Restart a chip that answers without working; raise DeviceError if it has not worked since the last start."""
-        hopeless = not self._stream.heard_since_start
-        self._restart()
-        if hopeless:
-            raise DeviceError(f"IMU at I2C address 0x{self._address:02x}: answers but {symptom}")
 
     def _samples(self, data: bytes, t_before_ns: int, t_after_ns: int) -> list[ImuSample]:
         """Turn the frames taken at an instant between the two times into samples."""
-        stream = self._stream
-        frames = [data[i : i + _FRAME.size] for i in range(0, len(data), _FRAME.size)]
-        if self._is_frozen(frames):
+        frames = split(data)
+        if self._stream.lacks_edges(len(frames)):
+            self._stream.add_edges(self._wait.waiting())  # that came while the chip was read
+        samples = self._stream.take(frames, t_before_ns, t_after_ns)
+        if self._stream.is_frozen:
             self._mend("its samples never change")
-            return []
-        newest = stream.taken + len(frames)
-        newest += self._sample_clock.missed(newest, t_before_ns)
-        self._sample_clock.pending_at(newest + 1, t_before_ns)
-        self._sample_clock.completed_by(newest, t_after_ns)
-        stream.taken = newest
-        stream.heard_ns = t_after_ns
-        stream.heard_since_start = True
-        t_arrival_ns = self._clock()
-        return [
-            self._sample(frame, newest - back, t_arrival_ns)
-            for back, frame in zip(range(len(frames))[::-1], frames, strict=True)
-        ]
-
-    def _is_frozen(self, frames: Sequence[bytes]) -> bool:
-        stream = self._stream
-        for frame in frames:
-            stream.repeats = stream.repeats + 1 if frame == stream.frame else 0
-            stream.frame = frame
-        return stream.repeats >= _FROZEN_FRAMES
-
-    def _sample(self, frame: bytes, index: int, t_arrival_ns: int) -> ImuSample:
-        raw = _FRAME.unpack(frame)
-        sf, temperature, w = raw[0:3], raw[3], raw[4:7]
-        lost = index - self._stream.delivered - 1
-        self._stream.delivered = index
-        self._counters.lost += lost
-        mps2, radps = self._configuration.mps2_per_lsb, self._configuration.radps_per_lsb
-        return ImuSample(
-            seq=index,
-            t_sample_ns=self._sample_clock.stamp(index) - round(self._configuration.filter_row.delay_s * 1e9),
-            t_arrival_ns=t_arrival_ns,
-            sf_B_mps2=(sf[0] * mps2, sf[1] * mps2, sf[2] * mps2),
-            w_WB_B_radps=(w[0] * radps, w[1] * radps, w[2] * radps),
-            temperature_degC=temperature / TEMPERATURE_LSB_PER_DEGC + TEMPERATURE_AT_ZERO_DEGC,
-            clipped=any(value in _CLIPPED for value in sf + w),
-            lost_before=lost,
-        )
+        return samples

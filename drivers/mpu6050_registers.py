@@ -1,7 +1,7 @@
-"""The MPU-6050's datasheet as data: registers, filter rows, ranges and the family's identities.
+"""The MPU-6050's register map as data: what it shares with its relatives. What differs is in `drivers.mpu6050_chips`.
 
 Source: InvenSense MPU-6000/MPU-6050 Register Map and Descriptions (RM-MPU-6000A) and Product Specification
-(PS-MPU-6000A); identities of the relatives from their own register maps.
+(PS-MPU-6000A).
 """
 
 from dataclasses import dataclass
@@ -11,8 +11,7 @@ STANDARD_GRAVITY_MPS2 = 9.80665
 INTERNAL_RATE_HZ = 1000
 INTERNAL_RATE_UNFILTERED_HZ = 8000
 FIFO_BYTES = 1024
-TEMPERATURE_LSB_PER_DEGC = 340.0
-TEMPERATURE_AT_ZERO_DEGC = 36.53
+"""Of the MPU-6050 itself."""
 
 RESET_S = 0.100  # a register can be read or written this long after power or reset
 GYRO_START_S = 0.060  # and the gyroscope has started this long after waking
@@ -22,10 +21,13 @@ FILTER_SETTLING_S = 0.050
 class Register(IntEnum):
     """Addresses of the registers in use."""
 
+    SELF_TEST_X_GYRO = 0x00  # three registers, not in the MPU-6050
+    SELF_TEST_X = 0x0D  # the MPU-6050's four; in the others the accelerometer's three
     SMPLRT_DIV = 0x19
     CONFIG = 0x1A
     GYRO_CONFIG = 0x1B
     ACCEL_CONFIG = 0x1C
+    ACCEL_CONFIG_2 = 0x1D  # not in the MPU-6050
     FIFO_EN = 0x23
     INT_PIN_CFG = 0x37
     INT_ENABLE = 0x38
@@ -33,6 +35,7 @@ class Register(IntEnum):
     ACCEL_XOUT_H = 0x3B
     USER_CTRL = 0x6A
     PWR_MGMT_1 = 0x6B
+    PWR_MGMT_2 = 0x6C  # bits 5:0 put the axes on standby: accelerometer xyz, gyroscope xyz
     FIFO_COUNTH = 0x72
     FIFO_R_W = 0x74
     WHO_AM_I = 0x75
@@ -78,33 +81,8 @@ class InterruptPin(IntEnum):
     LATCHED = 0x20  # held until cleared; else a pulse of 50 µs
 
 
-@dataclass(frozen=True)
-class FilterRow:
-    """One row of the digital low-pass filter, DLPF_CFG in CONFIG (0x1A) bits 2:0."""
-
-    code: int
-    accel_bandwidth_hz: float
-    accel_delay_s: float
-    gyro_bandwidth_hz: float
-    gyro_delay_s: float
-    rate_hz: int
-
-    @property
-    def delay_s(self) -> float:
-        """Return one delay for both sensors, their mean; in the filtered rows each is within 0.2 ms of it."""
-        return 0.5 * (self.accel_delay_s + self.gyro_delay_s)
-
-
-_FILTER_ROWS = (
-    FilterRow(0, 260.0, 0.0000, 256.0, 0.00098, INTERNAL_RATE_UNFILTERED_HZ),
-    FilterRow(1, 184.0, 0.0020, 188.0, 0.0019, INTERNAL_RATE_HZ),
-    FilterRow(2, 94.0, 0.0030, 98.0, 0.0028, INTERNAL_RATE_HZ),
-    FilterRow(3, 44.0, 0.0049, 42.0, 0.0048, INTERNAL_RATE_HZ),
-    FilterRow(4, 21.0, 0.0085, 20.0, 0.0083, INTERNAL_RATE_HZ),
-    FilterRow(5, 10.0, 0.0138, 10.0, 0.0134, INTERNAL_RATE_HZ),
-    FilterRow(6, 5.0, 0.0190, 5.0, 0.0186, INTERNAL_RATE_HZ),
-)
-FILTER_ROWS: dict[int, FilterRow] = {row.code: row for row in _FILTER_ROWS}
+SELF_TEST_ALL_AXES = 0xE0
+"""Bits 7:5 of GYRO_CONFIG and ACCEL_CONFIG: an electrical push on x, y and z."""
 
 
 @dataclass(frozen=True)
@@ -135,14 +113,3 @@ _GYRO_RANGES_DEG_PER_S = (  # FS_SEL in GYRO_CONFIG (0x1B)
 )
 ACCEL_RANGES: dict[int, RangeRow] = {row.full_scale: row for row in _ACCEL_RANGES_G}
 GYRO_RANGES: dict[int, RangeRow] = {row.full_scale: row for row in _GYRO_RANGES_DEG_PER_S}
-
-MPU6050_WHO_AM_I = 0x68
-CHIP_NAMES: dict[int, str] = {  # what WHO_AM_I (0x75) answers
-    MPU6050_WHO_AM_I: "MPU-6050, MPU-6000 or MPU-9150",
-    0x70: "MPU-6500",
-    0x71: "MPU-9250",
-    0x72: "unnamed relative of the MPU-6500 sold as MPU-6050",
-    0x73: "MPU-9255",
-    0x74: "MPU-6515",
-    0x98: "ICM-20689",
-}

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from smbus2 import i2c_msg
 
-from messages import AnkleState, CanBusHealth, DropCause, ImuSample, StereoFrame, UserError
+from messages import AnkleState, CanBusHealth, DropCause, Frame, ImuSample, StereoFrame, UserError
 
 
 class DeviceError(UserError):
@@ -31,13 +31,32 @@ class RegisterBus(Protocol):
         """Release the bus."""
 
 
+class DataReadyLine(Protocol):
+    """A pin on which each sample of a chip shows as one rising edge."""
+
+    def wait(self, timeout_s: float) -> Sequence[int]:
+        """Return the instants of all waiting edges, CLOCK_MONOTONIC ns, oldest first; empty if none came in time.
+
+        Raises DeviceError or OSError when the line is gone.
+        """
+
+    def close(self) -> None:
+        """Release the line."""
+
+
 class ImuCounters(Protocol):
-    """What an IMU driver counts since it was made."""
+    """What an IMU driver counts since it was made.
+
+    Samples lost, transfers failed, FIFOs flushed because they overflowed or were misaligned, frames refused because
+    they were all zeros or all ones, chips reset to mend, samples whose data-ready edge was missed.
+    """
 
     lost: int
     bus_errors: int
     fifo_overflows: int
+    frames_refused: int
     resets: int
+    edges_missed: int
 
 
 class ImuSource(Protocol):
@@ -47,8 +66,12 @@ class ImuSource(Protocol):
     def counters(self) -> ImuCounters:
         """Return the counters since the start."""
 
-    def read(self) -> Sequence[ImuSample]:
-        """Return all samples taken since the last call, oldest first; empty if there are none.
+    @property
+    def filter_delay_s(self) -> float:
+        """Return what `t_sample_ns` is earlier than the instant at which the sample was ready to be read."""
+
+    def read(self, timeout_s: float) -> Sequence[ImuSample]:
+        """Return all samples taken since the last call, oldest first; empty if none came within `timeout_s`.
 
         Raises DeviceError when the device is gone for now; a later call may succeed again.
         """
@@ -57,14 +80,14 @@ class ImuSource(Protocol):
         """Release the device."""
 
 
-class StereoSource(Protocol):
-    """A stream of stereo frames on the 50 ms grid."""
+class FrameSource(Protocol):
+    """A stream of frames on the 50 ms grid, stereo pairs or depth images."""
 
     @property
     def dropped(self) -> dict[DropCause, int]:
         """Return the frames lost inside the device or the driver, by cause, since the start."""
 
-    def read(self, timeout_s: float) -> StereoFrame | None:
+    def read(self, timeout_s: float) -> Frame | None:
         """Return the newest frame not yet returned, or None if none came within `timeout_s`.
 
         Raises DeviceError when the device is gone for now; a later call may succeed again.
@@ -72,6 +95,13 @@ class StereoSource(Protocol):
 
     def close(self) -> None:
         """Release the device."""
+
+
+class StereoSource(FrameSource, Protocol):
+    """A stream of stereo pairs."""
+
+    def read(self, timeout_s: float) -> StereoFrame | None:
+        """Return the newest pair, as FrameSource says."""
 
 
 class AnkleSource(Protocol):

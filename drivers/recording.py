@@ -1,40 +1,50 @@
 """A recording as one more device: every input comes back in the order in which the pipeline took it.
 
-The order is that of the file; times are never sorted. A stereo frame is two image messages and then its header, so
+The order is that of the file; times are never sorted. A frame is one or two image messages and then its header, so
 that one cut in the middle does not exist.
 """
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 from google.protobuf.message import DecodeError  # type: ignore[import-untyped]  # protobuf comes without types
 from mcap.exceptions import McapError
 from mcap_protobuf.decoder import DecoderFactory
+from numpy.typing import NDArray
 
 from drivers.mcap_file import DamageError, McapFile, McapMessage
 from drivers.protocols import DeviceError
 from messages import (
     TOPIC_OF,
     AnkleState,
+    DepthFrame,
     DeviceCounters,
     DroppedFrame,
+    Frame,
     FrameHeader,
-    GreyImage,
     GroundTruth,
     ImuSample,
     Input,
     LoadLevel,
+    Reconfigured,
     Source,
     StereoFrame,
     Tick,
 )
 from messages.codec import decode
 
-LEFT_IMAGE, RIGHT_IMAGE = "frame/left", "frame/right"
-"""Channels of foxglove.RawImage in mono8."""
+LEFT_IMAGE, RIGHT_IMAGE, DEPTH_IMAGE = "frame/left", "frame/right", "frame/depth"
+IMAGE_CHANNELS: dict[type[msgspec.Struct], tuple[tuple[str, str], ...]] = {
+    StereoFrame: ((LEFT_IMAGE, "L"), (RIGHT_IMAGE, "R")),
+    DepthFrame: ((DEPTH_IMAGE, "D"),),
+}
+"""The channel of foxglove.RawImage and the camera's frame, for each image of a frame of either kind."""
+
+ENCODINGS: dict[np.dtype[Any], str] = {np.dtype("<u1"): "mono8", np.dtype("<u2"): "16UC1"}
+"""What foxglove.RawImage calls the pixels."""
 
 ABOUT = "gaiteyes"
 """The metadata record with `format`, `device` and `source`."""
@@ -46,9 +56,12 @@ CALIBRATION_FILE, CONFIGURATION_FILE = "calibration.yaml", "configuration.toml"
 _HEADER_CHANNEL = TOPIC_OF[FrameHeader].name
 _TRUTH_CHANNEL = TOPIC_OF[GroundTruth].name
 _JSON_INPUTS: dict[str, type[Input]] = {
-    TOPIC_OF[kind].name: kind for kind in (ImuSample, DroppedFrame, AnkleState, Tick, LoadLevel, DeviceCounters)
+    TOPIC_OF[kind].name: kind
+    for kind in (ImuSample, DroppedFrame, AnkleState, Tick, LoadLevel, Reconfigured, DeviceCounters)
 }
-_INPUT_CHANNELS = frozenset({*_JSON_INPUTS, LEFT_IMAGE, RIGHT_IMAGE, _HEADER_CHANNEL})
+_GREY, _DEPTH = ENCODINGS
+_CHANNEL_PIXELS = {LEFT_IMAGE: _GREY, RIGHT_IMAGE: _GREY, DEPTH_IMAGE: _DEPTH}
+_INPUT_CHANNELS = frozenset({*_JSON_INPUTS, *_CHANNEL_PIXELS, _HEADER_CHANNEL})
 
 M = TypeVar("M", bound=msgspec.Struct)
 
@@ -90,12 +103,12 @@ class McapRecording:
         At damage the iteration ends and `damage` is set. Raises DeviceError for a frame without its images or of
         another size than its header's or the first frame's, and for a recording without any input.
         """
-        images: dict[str, GreyImage] = {}
+        images: dict[str, NDArray[Any]] = {}
         first: FrameHeader | None = None
         empty = True
         try:
             for message in self._file.messages(_INPUT_CHANNELS):
-                if message.channel in (LEFT_IMAGE, RIGHT_IMAGE):
+                if message.channel in _CHANNEL_PIXELS:
                     images[message.channel] = self._image(message)
                     continue
                 if message.channel == _HEADER_CHANNEL:
@@ -123,7 +136,8 @@ class McapRecording:
             self.damage = f"{self._path}: {damage}"
         return found
 
-    def _image(self, message: McapMessage) -> GreyImage:
+    def _image(self, message: McapMessage) -> NDArray[Any]:
+        pixels = _CHANNEL_PIXELS[message.channel]
         try:
             decode_image = self._decoders.decoder_for("protobuf", message.schema)
             if decode_image is None or message.schema.name != "foxglove.RawImage":
@@ -131,16 +145,19 @@ class McapRecording:
             image = decode_image(message.data)
         except (McapError, DecodeError) as error:
             raise DamageError(f"an image on channel '{message.channel}' cannot be decoded: {error}") from error
-        if image.encoding != "mono8" or image.step != image.width or len(image.data) != image.step * image.height:
+        row_bytes = pixels.itemsize * image.width
+        size_is_right = image.step == row_bytes and len(image.data) == row_bytes * image.height
+        if image.encoding != ENCODINGS[pixels] or not size_is_right:
             raise DeviceError(
                 f"{self._path}: an image on channel '{message.channel}' is {image.width}x{image.height} px, "
-                f"{image.encoding}, {len(image.data)} bytes; allowed mono8 without padding"
+                f"{image.encoding}, {len(image.data)} bytes; allowed {ENCODINGS[pixels]} without padding"
             )
-        return np.frombuffer(image.data, dtype=np.uint8).reshape(image.height, image.width)
+        return np.frombuffer(image.data, dtype=pixels).reshape(image.height, image.width)
 
-    def _frame(self, header: FrameHeader, images: dict[str, GreyImage], first: FrameHeader) -> StereoFrame:
+    def _frame(self, header: FrameHeader, images: dict[str, NDArray[Any]], first: FrameHeader) -> Frame:
         allowed = f"{first.width_px}x{first.height_px} px"
-        for channel in (LEFT_IMAGE, RIGHT_IMAGE):
+        kind = DepthFrame if DEPTH_IMAGE in images else StereoFrame
+        for channel, _ in IMAGE_CHANNELS[kind]:
             if channel not in images:
                 raise DeviceError(f"{self._path}: frame {header.seq} has no image on channel '{channel}'")
             height_px, width_px = images[channel].shape
@@ -154,6 +171,8 @@ class McapRecording:
                 f"{self._path}: the header of frame {header.seq} says {header.width_px}x{header.height_px} px, "
                 f"allowed {allowed} as in the first header"
             )
+        if kind is DepthFrame:
+            return DepthFrame(header=header, depth=images[DEPTH_IMAGE])
         return StereoFrame(header=header, left=images[LEFT_IMAGE], right=images[RIGHT_IMAGE])
 
 

@@ -1,10 +1,11 @@
 """Registers of one I2C chip over any smbus2 bus, with bounded retries."""
 
 import errno
-from collections.abc import Callable
-from typing import TypeVar
+import fcntl
+from collections.abc import Callable, Sequence
+from typing import TypeVar, cast
 
-from smbus2 import i2c_msg
+from smbus2 import SMBus, i2c_msg
 
 from drivers.protocols import ImuCounters, RegisterBus
 
@@ -12,13 +13,26 @@ T = TypeVar("T")
 
 ATTEMPTS = 3
 _PAUSE_S = 0.0005  # between attempts: longer than the disturbance of one transfer
+_I2C_TIMEOUT = 0x0702  # of linux/i2c-dev.h, in units of 10 ms
+_LONGEST_TRANSFER_10MS = 12  # 4096 bytes at 400 kHz take 92 ms
+
+
+def open_i2c(number: int) -> RegisterBus:
+    """Return /dev/i2c-`number`, told to give up a transfer on a stuck bus after 0.12 s; many adapters take a second.
+
+    Raises OSError if there is no such bus.
+    """
+    bus = SMBus(number)
+    fcntl.ioctl(cast(int, bus.fd), _I2C_TIMEOUT, _LONGEST_TRANSFER_10MS)
+    return bus
 
 
 class RegisterAccess:
     """One chip's registers. Every failed transfer is counted in `counters.bus_errors`.
 
-    Reading and writing registers is tried ATTEMPTS times; then the last OSError passes on. Without an open bus every
-    call raises OSError (ENODEV).
+    Reading and writing registers is tried ATTEMPTS times, unless it timed out: a bus that is held low stays so, and
+    each attempt would take long. Then the last OSError passes on. Without an open bus every call raises OSError
+    (ENODEV).
     """
 
     def __init__(
@@ -65,6 +79,14 @@ class RegisterAccess:
         """Return one register."""
         return self._retried(lambda: self._opened().read_byte_data(self._address, register))
 
+    def read_each(self, registers: Sequence[int]) -> dict[int, int]:
+        """Return the values of `registers`, given in rising order; neighbours are read together."""
+        values: dict[int, int] = {}
+        for first in (register for register in registers if register - 1 not in registers):
+            last = next(register for register in registers if register >= first and register + 1 not in registers)
+            values.update(zip(range(first, last + 1), self.read(first, last - first + 1), strict=True))
+        return values
+
     def read_word(self, register: int) -> int:
         """Return two registers, the high byte first."""
         return int.from_bytes(self.read(register, 2), "big")
@@ -106,8 +128,8 @@ class RegisterAccess:
     def _retried(self, transfer: Callable[[], T], attempts: int = ATTEMPTS) -> T:
         try:
             return self._counted(transfer)
-        except OSError:
-            if attempts == 1:
+        except OSError as error:
+            if attempts == 1 or error.errno == errno.ETIMEDOUT:
                 raise
         self._sleep(_PAUSE_S)
         return self._retried(transfer, attempts - 1)

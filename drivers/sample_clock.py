@@ -1,4 +1,4 @@
-"""When did the chip take its samples? Bounds from polling, intersected until they are tight.
+"""When did the chip take its samples? Bounds from polling and from interrupts, intersected until they are tight.
 
 The host only ever learns that, at some instant of a transfer, the chip's newest sample was number k. That bounds the
 instants t_k of two samples, with no assumption on how late a poll or a thread was:
@@ -13,42 +13,60 @@ whose width is concave in T. So the possible periods are one interval, found by 
 of polls at all phases it shrinks to parts in 10⁵. The estimate is the middle of the interval and of the corridor
 there; the ends of both say which samples are surely, possibly or surely not complete at a given time.
 
+Where the data-ready interrupt is stamped, each stamp is one more upper bound of its own sample: it may be late, never
+early. Most stamps are late by microseconds, some by milliseconds, and of several in a row the promptest is almost
+surely one of the former. So the promptest of eight, less 60 µs, is taken as a lower bound too: the corridor becomes as
+narrow as that. Stamps that are missing only make it know less.
+
+Bounds that allow no line at all, because the chip's clock drifts or one of them was false after all, are looked at
+through a shorter window, down to half a second.
+
 Samples count from 1; times are integer nanoseconds of one host clock. The module reads no clock.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-_WINDOW_S = 10.0  # longer averages more, shorter follows the crystal's drift with temperature
+_WINDOW_S = 10.0  # longer averages more, shorter follows a clock that drifts
+_SHORTEST_WINDOW_S = 0.5
 _PERIOD_TOLERANCE = 0.04
-_SLACK = 0.02  # of a period: what the line may bend within the window; 0.17 ms at 14 ppm a second
+_SLACK = 0.02  # of a period: what the line may bend away from its bounds until it is laid anew
+_DRIFTING_SLACK = 0.08  # the same of a clock that drifts so much that the longest window does not fit
+_BEND = 0.005  # of a period: bounds that exclude each other by more than this are looked at through a shorter window
 _CONTRADICTION = 0.10  # of a period: bounds that exclude each other by twice this belong to two lines
 _FIT_EVERY = 25  # samples
 _FIT_EACH_UNTIL = 100  # samples after a start
 _BISECTIONS = 20
+_PROMPT_OF = 8
+_PROMPTNESS_NS = 60_000
+_EDGE_EARLY = 0.2  # of a period: how much too late the line may be when an interrupt is assigned to its sample
 
 
 class _Bounds:
-    """The newest bounds, at most one for each sample, in a ring."""
+    """The newest bounds, for each sample the tightest only, in a ring."""
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, tightest: Callable[[int, int], int]) -> None:
+        self._tightest = tightest
         self._index = np.full(size, -1, dtype=np.int64)
         self._t_ns = np.zeros(size, dtype=np.int64)
 
     def put(self, index: int, t_ns: int) -> None:
         slot = index % self._index.size
+        if self._index[slot] == index:
+            t_ns = self._tightest(t_ns, int(self._t_ns[slot]))
         self._index[slot] = index
         self._t_ns[slot] = t_ns
 
     def clear(self) -> None:
         self._index[:] = -1
 
-    def relative_to(self, index: int, t_ns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return (n,) sample offsets and (n,) times in ns, of the bounds within one window before `index`."""
-        used = self._index > max(-1, index - self._index.size)
+    def relative_to(self, index: int, t_ns: int, window: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return (n,) sample offsets and (n,) times in ns, of the bounds within `window` samples before `index`."""
+        used = self._index > max(-1, index - window)
         return (self._index[used] - index).astype(np.float64), (self._t_ns[used] - t_ns).astype(np.float64)
 
 
@@ -123,7 +141,7 @@ class _Line:
 
 
 class SampleClock:
-    """Estimates the period and phase of a chip's samples from what polling reveals.
+    """Estimates the period and phase of a chip's samples from what polling, and its interrupts if any, reveal.
 
     `nominal_period_s` is the period the chip was set to; the true one may differ by up to 4 %.
     """
@@ -131,9 +149,13 @@ class SampleClock:
     def __init__(self, nominal_period_s: float) -> None:
         self._nominal_ns = nominal_period_s * 1e9
         self._period_ns = self._nominal_ns
-        window = math.ceil(_WINDOW_S / nominal_period_s)
-        self._upper = _Bounds(window)
-        self._lower = _Bounds(window)
+        self._longest_window = math.ceil(_WINDOW_S / nominal_period_s)
+        self._shortest_window = math.ceil(_SHORTEST_WINDOW_S / nominal_period_s)
+        self._window = self._longest_window
+        self._upper = _Bounds(self._longest_window, min)
+        self._lower = _Bounds(self._longest_window, max)
+        self._edges: list[tuple[int, int]] = []
+        self._prompt_of = 1
         self._line: _Line | None = None
         self._count = 0
         self._first_count = 0
@@ -164,6 +186,22 @@ class SampleClock:
         young = index - self._first_count <= _FIT_EACH_UNTIL
         if self._line is None or young or index - self._line.index >= _FIT_EVERY:
             self._fit(t_ns)
+
+    def edge_at(self, index: int, t_ns: int) -> None:
+        """Learn that the interrupt of sample `index` was stamped `t_ns`; before `completed_by` tells of that sample."""
+        self._upper.put(index, t_ns)
+        self._edges.append((index, t_ns))
+        if len(self._edges) >= self._prompt_of:
+            promptest, prompt_ns = min(self._edges, key=lambda edge: edge[1] - edge[0] * self._period_ns)
+            self._lower.put(promptest, prompt_ns - _PROMPTNESS_NS)
+            self._edges.clear()
+            self._prompt_of = min(2 * self._prompt_of, _PROMPT_OF)
+
+    def edge_index(self, t_ns: int) -> int | None:
+        """Return which sample's interrupt was stamped `t_ns`, up to 0.8 periods late; None while that is in doubt."""
+        if self._line is None or self._line.latest_ns - self._line.earliest_ns > _EDGE_EARLY * self._period_ns:
+            return None
+        return self._line.completed(t_ns + round(_EDGE_EARLY * self._period_ns))
 
     def missed(self, count: int, t_ns: int) -> int:
         """Return how many samples beyond `count` were surely complete at `t_ns`; 0 before the first sample."""
@@ -214,21 +252,39 @@ class SampleClock:
     def _forget(self, count: int) -> None:
         self._upper.clear()
         self._lower.clear()
+        self._edges.clear()
+        self._prompt_of = 1
+        self._window = self._longest_window
         self._line = None
         self._count = self._first_count = count
 
     def _fit(self, t_ns: int) -> None:
-        """Lay the line anew; begin from the newest sample alone if the bounds contradict each other."""
-        k_lower, t_lower = self._lower.relative_to(self._count, t_ns)
-        corridor = _Corridor(*self._upper.relative_to(self._count, t_ns), k_lower, t_lower)
-        if not k_lower.size or not self._lay(corridor, t_ns):
-            self._forget(self._count)
-            self._upper.put(self._count, t_ns)
-            self._lower.put(self._count, t_ns - round(self._nominal_ns))
-            self._fit(t_ns)
+        """Lay the line anew; begin from the newest sample alone if even the newest bounds contradict each other."""
+        window = min(2 * self._window, self._longest_window)
+        while not self._lay(window, t_ns, _BEND):
+            if window <= self._shortest_window:
+                if not self._lay(window, t_ns, 2.0 * _CONTRADICTION):
+                    self._begin_from_newest(t_ns)
+                return
+            window //= 2
+        self._window = window
 
-    def _lay(self, corridor: _Corridor, t_ns: int) -> bool:
-        """Lay the line through the middle of what is possible; return False if far from possible."""
+    def _begin_from_newest(self, t_ns: int) -> None:
+        self._forget(self._count)
+        self._upper.put(self._count, t_ns)
+        self._lower.put(self._count, t_ns - round(self._nominal_ns))
+        self._lay(self._longest_window, t_ns, _SLACK)
+
+    def _lay(self, window: int, t_ns: int, tolerance: float) -> bool:
+        """Lay the line through the middle of what the bounds of the newest `window` samples allow.
+
+        Return False, and change nothing, if they exclude each other by more than `tolerance` periods everywhere.
+        """
+        k_lower, t_lower = self._lower.relative_to(self._count, t_ns, window)
+        k_upper, t_upper = self._upper.relative_to(self._count, t_ns, window)
+        if not (k_lower.size and k_upper.size):
+            return False
+        corridor = _Corridor(k_upper, t_upper, k_lower, t_lower)
         shortest_ns = self._nominal_ns * (1.0 - _PERIOD_TOLERANCE)
         longest_ns = self._nominal_ns * (1.0 + _PERIOD_TOLERANCE)
         period_ns = corridor.widest(shortest_ns, longest_ns)
@@ -239,10 +295,10 @@ class SampleClock:
         else:
             shortest_ns = longest_ns = period_ns
         lower, upper = corridor.at(period_ns)
-        if lower - upper > 2.0 * _CONTRADICTION * self._nominal_ns:
+        if lower - upper > tolerance * self._nominal_ns:
             return False
         edges = (*corridor.at(shortest_ns), *corridor.at(longest_ns))
-        slack_ns = _SLACK * self._nominal_ns
+        slack_ns = (_SLACK if window == self._longest_window else _DRIFTING_SLACK) * self._nominal_ns
         self._period_ns = period_ns
         self._line = _Line(
             index=self._count,

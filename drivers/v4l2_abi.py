@@ -24,6 +24,7 @@ V4L2_BUF_FLAG_TIMESTAMP_COPY = 0x4000
 V4L2_BUF_FLAG_TSTAMP_SRC_SOE = 0x1_0000
 
 V4L2_FRMSIZE_TYPE_DISCRETE = 1
+V4L2_FRMIVAL_TYPE_DISCRETE = 1
 
 
 def fourcc(code: str) -> int:
@@ -37,7 +38,9 @@ def fourcc_name(number: int) -> str:
 
 
 V4L2_PIX_FMT_YUYV = fourcc("YUYV")
+V4L2_PIX_FMT_GREY = fourcc("GREY")
 V4L2_PIX_FMT_MJPEG = fourcc("MJPG")
+V4L2_PIX_FMT_Z16 = fourcc("Z16 ")
 
 
 class Capability(Structure):
@@ -122,6 +125,51 @@ class FrmSizeEnum(Structure):
     )
 
 
+class Fract(Structure):
+    """Struct v4l2_fract."""
+
+    numerator: int
+    denominator: int
+    _fields_ = (("numerator", c_uint32), ("denominator", c_uint32))
+
+
+class FrmIvalStepwise(Structure):
+    """Struct v4l2_frmival_stepwise: a range of times from frame to frame, s."""
+
+    min: Fract
+    max: Fract
+    step: Fract
+    _fields_ = (("min", Fract), ("max", Fract), ("step", Fract))
+
+
+class _FrmIvalUnion(Union):
+    discrete: Fract
+    stepwise: FrmIvalStepwise
+    _fields_ = (("discrete", Fract), ("stepwise", FrmIvalStepwise))
+
+
+class FrmIvalEnum(Structure):
+    """Struct v4l2_frmivalenum: one time from frame to frame on offer for a pixel format and size."""
+
+    index: int
+    pixel_format: int
+    width: int
+    height: int
+    type: int
+    discrete: Fract
+    stepwise: FrmIvalStepwise
+    _anonymous_ = ("_interval",)
+    _fields_ = (
+        ("index", c_uint32),
+        ("pixel_format", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("type", c_uint32),
+        ("_interval", _FrmIvalUnion),
+        ("reserved", c_uint32 * 2),
+    )
+
+
 class PixFormat(Structure):
     """Struct v4l2_pix_format: size (px), pixel format and row pitch (bytes) of a single-plane image."""
 
@@ -162,14 +210,6 @@ class Format(Structure):
     type: int
     fmt: _FormatUnion
     _fields_ = (("type", c_uint32), ("fmt", _FormatUnion))
-
-
-class Fract(Structure):
-    """Struct v4l2_fract."""
-
-    numerator: int
-    denominator: int
-    _fields_ = (("numerator", c_uint32), ("denominator", c_uint32))
 
 
 class CaptureParm(Structure):
@@ -273,21 +313,22 @@ class Buffer(Structure):
     )
 
 
-_IOC_WRITE, _IOC_READ = 1, 2
+IOC_WRITE, IOC_READ = 1, 2
 
 
-def _ioc(direction: int, number: int, argument: type[Structure | ctypes.c_int]) -> int:
-    """Return the header's _IOR, _IOW or _IOWR of type 'V' (asm-generic/ioctl.h, as on x86 and arm)."""
-    return direction << 30 | ctypes.sizeof(argument) << 16 | ord("V") << 8 | number
+def ioc(direction: int, kind: str, number: int, argument: type[Structure | ctypes.c_int]) -> int:
+    """Return the header's _IOR, _IOW or _IOWR of type `kind` (asm-generic/ioctl.h, as on x86 and arm)."""
+    return direction << 30 | ctypes.sizeof(argument) << 16 | ord(kind) << 8 | number
 
 
-VIDIOC_QUERYCAP = _ioc(_IOC_READ, 0, Capability)
-VIDIOC_ENUM_FMT = _ioc(_IOC_READ | _IOC_WRITE, 2, FmtDesc)
-VIDIOC_S_FMT = _ioc(_IOC_READ | _IOC_WRITE, 5, Format)
-VIDIOC_REQBUFS = _ioc(_IOC_READ | _IOC_WRITE, 8, RequestBuffers)
-VIDIOC_QUERYBUF = _ioc(_IOC_READ | _IOC_WRITE, 9, Buffer)
-VIDIOC_QBUF = _ioc(_IOC_READ | _IOC_WRITE, 15, Buffer)
-VIDIOC_DQBUF = _ioc(_IOC_READ | _IOC_WRITE, 17, Buffer)
-VIDIOC_STREAMON = _ioc(_IOC_WRITE, 18, ctypes.c_int)
-VIDIOC_S_PARM = _ioc(_IOC_READ | _IOC_WRITE, 22, StreamParm)
-VIDIOC_ENUM_FRAMESIZES = _ioc(_IOC_READ | _IOC_WRITE, 74, FrmSizeEnum)
+VIDIOC_QUERYCAP = ioc(IOC_READ, "V", 0, Capability)
+VIDIOC_ENUM_FMT = ioc(IOC_READ | IOC_WRITE, "V", 2, FmtDesc)
+VIDIOC_S_FMT = ioc(IOC_READ | IOC_WRITE, "V", 5, Format)
+VIDIOC_REQBUFS = ioc(IOC_READ | IOC_WRITE, "V", 8, RequestBuffers)
+VIDIOC_QUERYBUF = ioc(IOC_READ | IOC_WRITE, "V", 9, Buffer)
+VIDIOC_QBUF = ioc(IOC_READ | IOC_WRITE, "V", 15, Buffer)
+VIDIOC_DQBUF = ioc(IOC_READ | IOC_WRITE, "V", 17, Buffer)
+VIDIOC_STREAMON = ioc(IOC_WRITE, "V", 18, ctypes.c_int)
+VIDIOC_S_PARM = ioc(IOC_READ | IOC_WRITE, "V", 22, StreamParm)
+VIDIOC_ENUM_FRAMESIZES = ioc(IOC_READ | IOC_WRITE, "V", 74, FrmSizeEnum)
+VIDIOC_ENUM_FRAMEINTERVALS = ioc(IOC_READ | IOC_WRITE, "V", 75, FrmIvalEnum)

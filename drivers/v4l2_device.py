@@ -1,4 +1,4 @@
-"""One V4L2 capture node streaming YUYV into mapped buffers, and the system calls it takes.
+"""One V4L2 capture node streaming into mapped buffers, and the system calls it takes.
 
 Reference: Linux Media Infrastructure userspace API, "Streaming I/O (Memory Mapping)" and part I's ioctl pages.
 """
@@ -11,18 +11,15 @@ import mmap
 import os
 import select
 import time
-from collections.abc import Iterator
+from fractions import Fraction
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers import uvc_abi as uvc
 from drivers import v4l2_abi as v4l2
 from drivers.protocols import DeviceError
-from drivers.stereo_source import FramePair
-
-Yuyv = NDArray[np.uint16]
-"""Two eyes side by side, (height_px, 2 · width_px): Y in the low byte, U and V by turns in the high one."""
+from drivers.v4l2_formats import PIXEL_TYPES, ListedStruct, Pixels, WantedFormat, choices, format_name, offers
 
 IoctlArgument = ctypes.Structure | ctypes.c_int
 
@@ -95,40 +92,31 @@ class LinuxKernel:
         os.close(fd)
 
 
-def split_eyes(frame: Yuyv, pair: FramePair) -> None:
-    """Copy the luminance of both eyes into `pair`, in one pass.
-
-    Cutting 16-bit numbers down to their low byte is a vector loop over contiguous memory, about twice as fast as
-    picking every second byte (`python -m benchmarks.capture`).
-    """
-    width_px = pair.left.shape[1]
-    np.copyto(pair.left, frame[:, :width_px], casting="unsafe")
-    np.copyto(pair.right, frame[:, width_px:], casting="unsafe")
-
-
 class V4l2Device:
-    """One open node that streams YUYV of `width` × `height` pixels. Every error is a DeviceError naming the device.
+    """One open node that streams images of `wanted`. Every error is a DeviceError naming the device.
 
-    `rate_hz` is what the device answered to the rate asked for, NaN if it does not tell. `frame_bytes` is a whole
-    image, row padding included.
+    Of what the camera lists, the pixel format and the rate that suit the 50 ms grid best are asked for (see
+    drivers.v4l2_formats), `rate_hz` rather than others. `rate_hz` is what it answered, NaN if it does not tell.
+    `frame_bytes` is a whole image, row padding included; `name` its path and what it calls itself, behind `role`.
     """
 
-    def __init__(self, kernel: Kernel, path: str, width: int, height: int, rate_hz: int) -> None:
+    def __init__(self, kernel: Kernel, path: str, wanted: WantedFormat, rate_hz: int, role: str = "") -> None:
         self._kernel = kernel
         self._mappings: list[mmap.mmap] = []
-        self._images: list[Yuyv] = []
-        self.name = path
+        self._images: list[Pixels] = []
+        self.name = f"{role} {path}".lstrip()
+        self.card = ""
         try:
             self._fd = kernel.open(path)
         except OSError as error:
-            raise DeviceError(f"{path}: {_why_not_open(error)}") from error
+            raise DeviceError(f"{self.name}: {_why_not_open(error)}") from error
         try:
             self._identify()
-            pix = self._set_format(width, height)
+            pix, chosen_hz = self._set_format(wanted, rate_hz)
             self.frame_bytes = pix.bytesperline * pix.height
-            self.rate_hz = self._set_rate(rate_hz)
+            self.rate_hz = self._set_rate(chosen_hz)
             self._map_buffers(pix)
-            self._control(v4l2.VIDIOC_STREAMON, ctypes.c_int(v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE), "starting to stream")
+            self._start_stream()
         except DeviceError:
             self.close()
             raise
@@ -160,53 +148,58 @@ class V4l2Device:
         """Give a buffer back to the kernel, which overwrites it from now on."""
         self._control(v4l2.VIDIOC_QBUF, self._new_buffer(buffer.index), "returning a buffer")
 
-    def copy(self, buffer: v4l2.Buffer, pair: FramePair) -> None:
-        """Copy the pixels of a dequeued buffer."""
-        split_eyes(self._images[buffer.index], pair)
+    def pixels(self, buffer: v4l2.Buffer) -> Pixels:
+        """Return the pixels of a dequeued buffer, to be copied before it is given back."""
+        return self._images[buffer.index]
+
+    def query_unit(self, unit: int, selector: int, query: int, data: bytearray) -> None:
+        """Carry out a request to a UVC camera's extension unit; `data`, of the control's size, is sent or filled."""
+        octets = (ctypes.c_uint8 * len(data)).from_buffer(data)
+        request = uvc.XuControlQuery(
+            unit=unit,
+            selector=selector,
+            query=query,
+            size=len(data),
+            data=ctypes.cast(octets, ctypes.POINTER(ctypes.c_uint8)),
+        )
+        try:
+            self._kernel.ioctl(self._fd, uvc.UVCIOC_CTRL_QUERY, request)
+        except OSError as error:
+            if error.errno in (errno.ENOENT, errno.ENOTTY):
+                raise DeviceError(f"{self.name}: has no control {selector} in an extension unit {unit}") from error
+            raise self._failure(f"speaking to extension unit {unit}", error) from error
 
     def _identify(self) -> None:
         capability = v4l2.Capability()
         self._control(v4l2.VIDIOC_QUERYCAP, capability, "asking for its capabilities")
-        self.name = f"{self.name} ({capability.card.decode(errors='replace')})"
+        self.card = capability.card.decode(errors="replace")
+        self.name = f"{self.name} ({self.card})"
         # `capabilities` speaks of all nodes of the physical device together, `device_caps` of this one.
         caps = capability.capabilities
         if caps & v4l2.V4L2_CAP_DEVICE_CAPS:
             caps = capability.device_caps
         if not caps & v4l2.V4L2_CAP_VIDEO_CAPTURE:
-            raise DeviceError(f"{self.name}: captures no images; a camera's images are on another of its nodes")
+            raise DeviceError(
+                f"{self.name}: captures no images: a node of metadata, say; a camera's images are on another of its "
+                "nodes, usually the one before"
+            )
         if not caps & v4l2.V4L2_CAP_STREAMING:
             raise DeviceError(f"{self.name}: cannot stream into mapped buffers")
 
-    def _set_format(self, width: int, height: int) -> v4l2.PixFormat:
-        wanted = v4l2.Format(type=v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE)
-        pix = wanted.fmt.pix
-        pix.width, pix.height = width, height
-        pix.pixelformat = v4l2.V4L2_PIX_FMT_YUYV
-        pix.field = v4l2.V4L2_FIELD_NONE
-        self._control(v4l2.VIDIOC_S_FMT, wanted, "setting the image format")
-        if (pix.pixelformat, pix.width, pix.height) != (v4l2.V4L2_PIX_FMT_YUYV, width, height):
-            raise DeviceError(
-                f"{self.name}: two eyes of {width // 2}x{height}, the calibration's size, need YUYV {width}x{height}; "
-                f"the camera answers {v4l2.fourcc_name(pix.pixelformat)} {pix.width}x{pix.height} "
-                f"and offers {', '.join(self._offers()) or 'no list of formats'}"
-            )
-        return pix
+    def _set_format(self, wanted: WantedFormat, rate_hz: int) -> tuple[v4l2.PixFormat, Fraction]:
+        offered = list(offers(self._exists, wanted))
+        request = v4l2.Format(type=v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE)
+        pix = request.fmt.pix
+        for fourcc, chosen_hz in choices(offered, wanted, rate_hz):
+            pix.width, pix.height, pix.pixelformat = wanted.width, wanted.height, fourcc
+            pix.field = v4l2.V4L2_FIELD_NONE
+            self._control(v4l2.VIDIOC_S_FMT, request, "setting the image format")
+            if (pix.pixelformat, pix.width, pix.height) == (fourcc, wanted.width, wanted.height):
+                return pix, chosen_hz
+        listed = ", ".join(map(str, offered)) or "no list of formats"
+        raise DeviceError(f"{self.name}: {wanted}; the camera answers {format_name(pix)} and offers {listed}")
 
-    def _offers(self) -> Iterator[str]:
-        description = v4l2.FmtDesc(type=v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE)
-        while self._exists(v4l2.VIDIOC_ENUM_FMT, description):
-            name = v4l2.fourcc_name(description.pixelformat)
-            size = v4l2.FrmSizeEnum(pixel_format=description.pixelformat)
-            while self._exists(v4l2.VIDIOC_ENUM_FRAMESIZES, size):
-                if size.type != v4l2.V4L2_FRMSIZE_TYPE_DISCRETE:
-                    sizes = size.stepwise
-                    yield f"{name} {sizes.min_width}x{sizes.min_height} to {sizes.max_width}x{sizes.max_height}"
-                    break
-                yield f"{name} {size.discrete.width}x{size.discrete.height}"
-                size.index += 1
-            description.index += 1
-
-    def _exists(self, request: int, argument: v4l2.FmtDesc | v4l2.FrmSizeEnum) -> bool:
+    def _exists(self, request: int, argument: ListedStruct) -> bool:
         try:
             self._kernel.ioctl(self._fd, request, argument)
         except OSError as error:
@@ -215,10 +208,10 @@ class V4l2Device:
             raise self._failure("listing its formats", error) from error
         return True
 
-    def _set_rate(self, rate_hz: int) -> float:
+    def _set_rate(self, rate_hz: Fraction) -> float:
         wanted = v4l2.StreamParm(type=v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE)
         capture = wanted.parm.capture
-        capture.timeperframe.numerator, capture.timeperframe.denominator = 1, rate_hz
+        capture.timeperframe.numerator, capture.timeperframe.denominator = rate_hz.denominator, rate_hz.numerator
         try:
             self._kernel.ioctl(self._fd, v4l2.VIDIOC_S_PARM, wanted)
         except OSError as error:
@@ -236,22 +229,35 @@ class V4l2Device:
         self._control(v4l2.VIDIOC_REQBUFS, request, "asking for buffers")
         if request.count < 2:
             raise DeviceError(f"{self.name}: grants {request.count} frame buffers, at least 2 are needed")
+        pixel = np.dtype(PIXEL_TYPES[pix.pixelformat])
         for index in range(request.count):
             buffer = self._new_buffer(index)
             self._control(v4l2.VIDIOC_QUERYBUF, buffer, "asking for a buffer")
-            if pix.bytesperline < 2 * pix.width or buffer.length < self.frame_bytes:
+            if pix.bytesperline < pixel.itemsize * pix.width or buffer.length < self.frame_bytes:
                 raise DeviceError(
                     f"{self.name}: buffers of {buffer.length} bytes with rows of {pix.bytesperline} "
-                    f"cannot hold YUYV {pix.width}x{pix.height}"
+                    f"cannot hold {format_name(pix)}"
                 )
             try:
                 mapping = self._kernel.mmap(self._fd, buffer.length, buffer.m.offset)
             except OSError as error:
                 raise self._failure("mapping a buffer", error) from error
             self._mappings.append(mapping)
-            strides = (pix.bytesperline, 2)
-            self._images.append(np.ndarray((pix.height, pix.width), "<u2", buffer=mapping, strides=strides))
+            strides = (pix.bytesperline, pixel.itemsize)
+            self._images.append(np.ndarray((pix.height, pix.width), pixel, buffer=mapping, strides=strides))
             self._control(v4l2.VIDIOC_QBUF, buffer, "queueing a buffer")
+
+    def _start_stream(self) -> None:
+        kind = ctypes.c_int(v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE)
+        try:
+            self._kernel.ioctl(self._fd, v4l2.VIDIOC_STREAMON, kind)
+        except OSError as error:
+            if error.errno == errno.ENOSPC:
+                raise DeviceError(
+                    f"{self.name}: the USB bus has no bandwidth left for its images; give the camera a bus of its own, "
+                    "USB 3 for a ZED, or a smaller size or rate"
+                ) from error
+            raise self._failure("starting to stream", error) from error
 
     def _new_buffer(self, index: int = 0) -> v4l2.Buffer:
         return v4l2.Buffer(index=index, type=v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE, memory=v4l2.V4L2_MEMORY_MMAP)
@@ -269,6 +275,8 @@ class V4l2Device:
             return DeviceError(f"{self.name}: in use by another program")
         if error.errno == errno.ENOTTY:
             return DeviceError(f"{self.name}: no V4L2 camera ({what}: {error.strerror})")
+        if error.errno == errno.EPIPE:
+            return DeviceError(f"{self.name}: {what} failed: the camera refused the request or stopped its stream")
         return DeviceError(f"{self.name}: {what} failed: {error.strerror}")
 
 

@@ -1,7 +1,7 @@
 """The calibration of one unit, as named-frame structs. `calib` reads, checks and writes them as YAML.
 
-Frames: B the IMU, L and R the raw left and right cameras (x right, y down, z forward). The rectified left
-camera C is derived from these by perception.
+Frames: B the IMU, L and R the raw left and right cameras, D a depth camera (x right, y down, z forward). The
+rectified left camera C is derived from L and R by perception; for a depth camera C is D.
 """
 
 import hashlib
@@ -64,6 +64,27 @@ class StereoCalibration(msgspec.Struct, frozen=True, kw_only=True):
     row_time_s: NonNegative = 0.0
     stamp_to_mid_exposure_s: float = 0.0
 
+    @property
+    def lens(self) -> Lens:
+        """Return the lens of the camera whose optical centre is the origin of H."""
+        return self.left
+
+
+class DepthCalibration(msgspec.Struct, frozen=True, kw_only=True):
+    """A camera that delivers depth along its optical axis, in steps of `step_m`, as seen through `lens`.
+
+    Its depth stems from a stereo pair of its own with `baseline_m`, so that a noise of σ px of disparity shows as
+    z²/(f·baseline) σ. `scale_residual` is one standard deviation of the relative error of all its depths.
+    `row_time_s` and `stamp_to_mid_exposure_s` are as for a stereo pair.
+    """
+
+    lens: Lens
+    baseline_m: Positive
+    step_m: Positive = 0.001
+    scale_residual: NonNegative = 0.0
+    row_time_s: NonNegative = 0.0
+    stamp_to_mid_exposure_s: float = 0.0
+
 
 class ImuCalibration(msgspec.Struct, frozen=True, kw_only=True):
     """Corrected value = matrix · (measured − bias), for specific force and angular rate, in B."""
@@ -75,7 +96,10 @@ class ImuCalibration(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Residual(msgspec.Struct, frozen=True, kw_only=True):
-    """One standard deviation of what the calibration leaves behind."""
+    """One standard deviation of what the calibration leaves behind.
+
+    `toe_in_rad` is the angle between the optical axes of the pair, that inside a depth camera too.
+    """
 
     specific_force_mps2: NonNegative = 0.0
     scale: NonNegative = 0.0
@@ -85,7 +109,7 @@ class Residual(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Calibration(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything the daemon knows about one unit. `X_BL` is the pose of the raw left camera in the IMU frame."""
+    """Everything the daemon knows about a stereo unit. `X_BL` is the pose of the raw left camera in the IMU frame."""
 
     unit: str
     imu: ImuCalibration
@@ -96,5 +120,47 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def id(self) -> str:
         """Eight hexadecimal digits that change whenever any value does, the same before and after a file."""
-        plain = msgspec.convert(msgspec.to_builtins(self), Calibration)  # 1 and 1.0 are one value
-        return hashlib.sha256(msgspec.json.encode(plain)).hexdigest()[:8]
+        return _short_hash(self)
+
+    @property
+    def camera(self) -> StereoCalibration:
+        """Return what makes the frames."""
+        return self.stereo
+
+    @property
+    def X_BE(self) -> Pose:
+        """Return the pose in B of the camera whose optical centre is the origin of H."""
+        return self.X_BL
+
+
+class DepthUnitCalibration(msgspec.Struct, frozen=True, kw_only=True):
+    """Everything the daemon knows about a unit with a depth camera, whose pose in the IMU frame is `X_BD`."""
+
+    unit: str
+    imu: ImuCalibration
+    depth: DepthCalibration
+    X_BD: Pose
+    residual: Residual
+
+    @property
+    def id(self) -> str:
+        """Eight hexadecimal digits that change whenever any value does, the same before and after a file."""
+        return _short_hash(self)
+
+    @property
+    def camera(self) -> DepthCalibration:
+        """Return what makes the frames."""
+        return self.depth
+
+    @property
+    def X_BE(self) -> Pose:
+        """Return the pose in B of the camera whose optical centre is the origin of H."""
+        return self.X_BD
+
+
+UnitCalibration = Calibration | DepthUnitCalibration
+
+
+def _short_hash(calibration: UnitCalibration) -> str:
+    plain = msgspec.convert(msgspec.to_builtins(calibration), type(calibration))  # 1 and 1.0 are one value
+    return hashlib.sha256(msgspec.json.encode(plain)).hexdigest()[:8]

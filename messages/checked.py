@@ -69,6 +69,8 @@ def _allowed(expected: inspect.Type, field: str) -> str:
         if not isinstance(expected, inspect.StructType):
             return ""
         expected = next((f.type for f in expected.fields if f.encode_name == step), inspect.AnyType())
+    if isinstance(expected, inspect.UnionType):
+        expected, *_ = (kind for kind in expected.types if not isinstance(kind, inspect.NoneType))
     if isinstance(expected, inspect.EnumType):
         return "one of " + ", ".join(str(member.value) for member in expected.cls)
     if isinstance(expected, inspect.IntType | inspect.FloatType):

@@ -46,6 +46,7 @@ class Reason(str, enum.Enum):
     WRONG_SIZE = "wrong_size"  # the frame's size is not the calibration's
     FROZEN_FRAME = "frozen_frame"  # the camera repeats one picture
     TIME_INCONSISTENT = "time_inconsistent"  # the frame's stamp contradicts its arrival, or the IMU's clock
+    LATE = "late"  # computed so late that the wearer has moved on
     IMU_INCONSISTENT = "imu_inconsistent"  # the IMU feels another motion than the camera sees
 
 
@@ -100,7 +101,9 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     imu_refused: int
     imu_bus_errors: int
     imu_fifo_overflows: int
+    imu_frames_refused: int
     imu_resets: int
+    imu_edges_missed: int
     frames: int
     frames_valid: int
     frames_dropped: dict[DropCause, int]

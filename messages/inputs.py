@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 
 Vec3 = tuple[float, float, float]
 GreyImage = NDArray[np.uint8]
+DepthImage = NDArray[np.uint16]
+Image = GreyImage | DepthImage
 
 
 class ImuSample(msgspec.Struct, frozen=True, kw_only=True):
     """One sample of the IMU in nominal scale: what the chip says, before the unit's calibration.
 
-    `t_sample_ns` is the instant the sample stands for: the chip's data-ready instant minus its filter delay.
+    `t_sample_ns` is the instant the sample stands for: the chip's data-ready instant minus the gyroscope's filter
+    delay. The accelerometer's differs, by 0.1 ms in an MPU-6050 as it is set up here, by 1.0 ms in its relatives.
     `lost_before` counts samples of the chip that went missing between this sample and the one before it.
     """
 
@@ -32,7 +35,7 @@ class ImuSample(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FrameHeader(msgspec.Struct, frozen=True, kw_only=True):
-    """All of a stereo frame but its pixels.
+    """All of a stereo or depth frame but its pixels.
 
     `t_exposure_ns` is mid-exposure of the middle row; `seq` is the camera's own sequence number.
     """
@@ -52,6 +55,30 @@ class StereoFrame(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     left: GreyImage
     right: GreyImage
 
+    @property
+    def images(self) -> tuple[Image, ...]:
+        """Return left and right."""
+        return self.left, self.right
+
+
+class DepthFrame(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """A depth image that owns its pixels, (height_px, width_px) uint16, as the camera gave it.
+
+    A value counts the steps of the calibration's `step_m` along the optical axis; 0 is a pixel without depth.
+    """
+
+    header: FrameHeader
+    depth: DepthImage
+
+    @property
+    def images(self) -> tuple[Image, ...]:
+        """Return the one image."""
+        return (self.depth,)
+
+
+Frame = StereoFrame | DepthFrame
+"""What a camera delivers; a unit has one of the two kinds, as its calibration says."""
+
 
 class DropCause(str, enum.Enum):
     """Why a frame never reached the matcher."""
@@ -60,6 +87,7 @@ class DropCause(str, enum.Enum):
     POOL_EXHAUSTED = "pool_exhausted"  # every pixel buffer was still held
     CAMERA_GAP = "camera_gap"  # the camera's sequence number jumped
     CORRUPT = "corrupt"  # error flag, short buffer or wrong size
+    UNPAIRED = "unpaired"  # of two cameras, the other eye has no frame exposed at the same time
     LATE = "late"  # arrived after its deadline had passed
     NOT_RECORDED = "not_recorded"  # used live, but the recorder's queue was full: only a recording says so
 
@@ -109,6 +137,13 @@ class LoadLevel(msgspec.Struct, frozen=True, kw_only=True):
     load: Load
 
 
+class Reconfigured(msgspec.Struct, frozen=True, kw_only=True):
+    """The person's decision to go on with another configuration; `configuration` is the text of its file (TOML)."""
+
+    t_ns: int
+    configuration: str
+
+
 class CanState(str, enum.Enum):
     """Fault confinement of the CAN controller (ISO 11898-1), as far as the backend tells."""
 
@@ -135,7 +170,9 @@ class DeviceCounters(msgspec.Struct, frozen=True, kw_only=True):
     t_ns: int
     imu_bus_errors: int = 0
     imu_fifo_overflows: int = 0
+    imu_frames_refused: int = 0
     imu_resets: int = 0
+    imu_edges_missed: int = 0
     frames_dropped: dict[DropCause, int] = {}
     inbox_dropped: int = 0
     recorder_dropped: int = 0
@@ -144,4 +181,7 @@ class DeviceCounters(msgspec.Struct, frozen=True, kw_only=True):
     zenoh_errors: int = 0
 
 
-Input = ImuSample | StereoFrame | DroppedFrame | AnkleState | Tick | LoadLevel | DeviceCounters
+LastingInput = LoadLevel | Reconfigured
+"""A decision that holds until the next one of its kind: it must not get lost on the way or in a recording."""
+
+Input = ImuSample | Frame | DroppedFrame | AnkleState | Tick | LoadLevel | Reconfigured | DeviceCounters

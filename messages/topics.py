@@ -7,11 +7,13 @@ import msgspec
 from messages.estimates import Attitude, GroundPlane, GroundTruth, Health
 from messages.inputs import (
     AnkleState,
+    DepthFrame,
     DeviceCounters,
     DroppedFrame,
     FrameHeader,
     ImuSample,
     LoadLevel,
+    Reconfigured,
     StereoFrame,
     Tick,
 )
@@ -42,11 +44,13 @@ class Topic(msgspec.Struct, frozen=True, kw_only=True):
 _ROWS = (
     Topic(name="imu", message=ImuSample, rate_hz=100.0, deadline_s=0.030, drop=DropRule.OLDEST_GOES),
     Topic(name="frame", message=StereoFrame, rate_hz=20.0, deadline_s=0.100, drop=DropRule.NEWEST_WINS),
+    Topic(name="depth_frame", message=DepthFrame, rate_hz=20.0, deadline_s=0.100, drop=DropRule.NEWEST_WINS),
     Topic(name="frame_header", message=FrameHeader, rate_hz=20.0, deadline_s=0.100, drop=DropRule.NEWEST_WINS),
     Topic(name="dropped_frame", message=DroppedFrame, rate_hz=0.0, deadline_s=0.200, drop=DropRule.OLDEST_GOES),
     Topic(name="ankle", message=AnkleState, rate_hz=100.0, deadline_s=0.030, drop=DropRule.OLDEST_GOES),
     Topic(name="tick", message=Tick, rate_hz=100.0, deadline_s=0.020, drop=DropRule.OLDEST_GOES),
     Topic(name="load", message=LoadLevel, rate_hz=0.0, deadline_s=0.100, drop=DropRule.OLDEST_GOES),
+    Topic(name="reconfigured", message=Reconfigured, rate_hz=0.0, deadline_s=0.100, drop=DropRule.OLDEST_GOES),
     Topic(name="device_counters", message=DeviceCounters, rate_hz=1.0, deadline_s=1.0, drop=DropRule.OLDEST_GOES),
     Topic(
         name="attitude",

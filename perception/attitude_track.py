@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from messages import Attitude, ImuSample, Reason, Status, UnitCalibration, Vec3, upper_triangle, vec3
 from perception import so3
-from perception.attitude import AttitudeFilter, AttitudeSettings
+from perception.attitude import AttitudeFilter, AttitudeSettings, AttitudeState
 from perception.attitude_history import AttitudeAt, AttitudeHistory, OutsideHistoryError
 from perception.imu_model import corrected
 
@@ -30,6 +30,7 @@ class AttitudeTrack:
         self._longest_step_ns = round(1e9 * self._filter.settings.gap_s)
         self._before_start: deque[tuple[int, Vec3]] = deque(maxlen=_MOST_BEFORE_START)
         self._newest_ns: int | None = None
+        self._kept: deque[tuple[int, AttitudeState]] = deque(maxlen=2)
 
     @property
     def newest_ns(self) -> int | None:
@@ -69,12 +70,23 @@ class AttitudeTrack:
             self._before_start.append((sample.t_sample_ns, w_B_radps))
         return self._message(sample.t_sample_ns)
 
-    def forget(self) -> None:
-        """Start afresh with nothing but the calibration: what was felt of late contradicts what now is known.
+    def keep(self) -> None:
+        """Remember how things are, every `_KEPT_EVERY_S`: nothing has contradicted them yet."""
+        if self._newest_ns is None or self._filter.status is not Status.VALID:
+            return
+        if not self._kept or self._newest_ns - self._kept[-1][0] >= 1e9 * _KEPT_EVERY_S:
+            self._kept.append((self._newest_ns, self._filter.save()))
 
-        The status is not VALID until the filter has started again, from rest or in motion.
+    def forget(self) -> None:
+        """Start afresh: what was felt of late contradicts what is now known.
+
+        Of the time since the last state but one that was kept nothing is left, as if samples had been missing since;
+        without one, only the calibration is left. The status is not VALID until the filter has started again.
         """
-        self._filter.forget()
+        if self._kept:
+            self._filter.restore(self._kept[0][1])
+        else:
+            self._filter.forget()
         self._history.clear()
         self._before_start.clear()
 
@@ -99,9 +111,9 @@ class AttitudeTrack:
             self._history.append(*attitude)
         self._before_start.clear()
 
-    def unfelt(self, t_ns: int) -> Attitude:
-        """Return the attitude that says only that samples have stopped, at `t_ns`."""
-        return self._without_numbers(t_ns, Status.INVALID, Reason.NO_IMU)
+    def unfelt(self, t_ns: int, reason: Reason = Reason.NO_IMU) -> Attitude:
+        """Return the attitude that says only why it is invalid at `t_ns`: samples have stopped, or contradict."""
+        return self._without_numbers(t_ns, Status.INVALID, reason)
 
     def _without_numbers(self, t_sample_ns: int, status: Status, reason: Reason) -> Attitude:
         nan = float("nan")
@@ -135,3 +147,4 @@ class AttitudeTrack:
 
 _MOST_BEFORE_START = 1024
 _REMEMBERED_S = 2.0
+_KEPT_EVERY_S = 2.0

@@ -1,4 +1,4 @@
-"""Where the next foot will land: a rectangle of ground in H, and what part of the image can show it."""
+"""Where the next foot will land: a rectangle of ground in H."""
 
 from typing import Annotated
 
@@ -7,8 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.plane import Plane
-from perception.rectify import Rectifier, Window
-from perception.stereo import DisparityRange
 
 FloatArray = NDArray[np.float64]
 
@@ -54,37 +52,3 @@ class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True):
         across = points_H[..., 1] / self.half_width_m
         weight: FloatArray = np.exp(-0.5 * (1.5 * along) ** 2 - 0.5 * across**2)
         return weight
-
-
-class OutOfRangeError(Exception):
-    """The ground is nearer than the search can match."""
-
-
-def view_of(points_H: FloatArray, R_HC: FloatArray, rectifier: Rectifier) -> tuple[Window, DisparityRange] | None:
-    """Return the window and disparities that show `points_H` (N, 3), or None if their middle is not in view.
-
-    The window is cut at the image's border. Raises OutOfRangeError where more than 160 disparities would be needed.
-    """
-    points_C = np.vstack((points_H, points_H.mean(axis=0))) @ R_HC
-    depth_m = points_C[:, 2]
-    if depth_m.min() < _LEAST_DEPTH_M:
-        return None
-    u = rectifier.f_px * points_C[:, 0] / depth_m + rectifier.cx_px
-    v = rectifier.f_px * points_C[:, 1] / depth_m + rectifier.cy_px
-    if not (0 <= u[-1] < rectifier.width_px and 0 <= v[-1] < rectifier.height_px):
-        return None
-    window = Window(
-        top=max(0, int(np.floor(v.min()))),
-        bottom=min(rectifier.height_px, int(np.ceil(v.max())) + 1),
-        left=max(0, int(np.floor(u.min()))),
-        right=min(rectifier.width_px, int(np.ceil(u.max())) + 1),
-    )
-    fB_px_m = rectifier.f_px * rectifier.baseline_m
-    search = DisparityRange.covering(fB_px_m / depth_m.max(), fB_px_m / depth_m.min())
-    if search.count > _MOST_DISPARITIES:
-        raise OutOfRangeError
-    return window, search
-
-
-_LEAST_DEPTH_M = 0.1
-_MOST_DISPARITIES = 160

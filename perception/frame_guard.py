@@ -4,11 +4,8 @@ from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from messages import FrameHeader, Reason
-
-Image = NDArray[np.uint8] | NDArray[np.uint16]
+from messages import FrameHeader, Image, Reason
 
 
 class FrameGuard:
@@ -19,11 +16,13 @@ class FrameGuard:
 
     The way from the middle of the exposure to the arrival takes at least the readout and the transfer, always alike:
     it may take longer, when the host is busy, but a frame that seems quicker than the quickest of late has a stamp
-    that jumped forward. Refused frames do not teach, until `relearn` of them in a row have been: then the camera's
-    timing is another one for good, and the IMU must tell whether its stamps are right.
+    that jumped forward. Frames that arrive together had waited, and teach nothing. Nor do refused ones, until `relearn`
+    of them in a row have been: then the camera's timing is another one for good, and the IMU must tell whether its
+    stamps are right. Frames that are merely late are not judged here, for only the clock tells that.
     """
 
-    longest_latency_ns = 150_000_000
+    longest_latency_ns = 2_000_000_000
+    together_ns = 10_000_000
     jump_ns = 10_000_000
     window = 200
     least_known = 20
@@ -33,12 +32,13 @@ class FrameGuard:
     def __init__(self) -> None:
         self._latencies_ns: deque[int] = deque(maxlen=self.window)
         self._refused = 0
+        self._arrival_ns: int | None = None
         self._seen: list[bytes] = []
 
     def judge(self, header: FrameHeader, images: Sequence[Image]) -> Reason:
         """Return NONE, FROZEN_FRAME or TIME_INCONSISTENT for the next frame; `images` are (height, width) each."""
         repeated = self._repeats(images)
-        timely = self._is_timely(header.t_arrival_ns - header.t_exposure_ns)
+        timely = self._is_timely(header)
         if repeated:
             return Reason.FROZEN_FRAME
         return Reason.NONE if timely else Reason.TIME_INCONSISTENT
@@ -58,11 +58,15 @@ class FrameGuard:
         self._seen = pixels
         return repeated
 
-    def _is_timely(self, latency_ns: int) -> bool:
+    def _is_timely(self, header: FrameHeader) -> bool:
+        latency_ns = header.t_arrival_ns - header.t_exposure_ns
+        together = self._arrival_ns is not None and header.t_arrival_ns - self._arrival_ns < self.together_ns
+        self._arrival_ns = header.t_arrival_ns
         known = self._latencies_ns
         quickest_ns = min(known) if len(known) >= self.least_known else 0
-        if quickest_ns - self.jump_ns <= latency_ns <= self.longest_latency_ns and latency_ns >= 0:
-            known.append(latency_ns)
+        if max(0, quickest_ns - self.jump_ns) <= latency_ns <= self.longest_latency_ns:
+            if not together:
+                known.append(latency_ns)
             self._refused = 0
             return True
         self._refused += 1

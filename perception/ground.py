@@ -1,16 +1,18 @@
-"""One stereo frame and one attitude to the plane of ground at the foothold, or the reason why there is none."""
+"""One frame and one attitude to the plane of ground at the foothold, or the reason why there is none."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from messages import GreyImage, Reason, Residual, StereoCalibration
-from perception.foothold import FootholdSettings, OutOfRangeError, view_of
+from messages import DepthCalibration, Image, Reason, Residual, StereoCalibration
+from perception.depth_camera import DepthCamera
+from perception.disparity import DisparityCamera, OutOfRangeError
+from perception.foothold import FootholdSettings
 from perception.plane import Plane, PlaneFit, PlaneFitter
-from perception.rectify import Rectifier
 from perception.relief import relief_cov
-from perception.stereo import SemiGlobalMatcher
+from perception.stereo_camera import StereoCamera
 
 FloatArray = NDArray[np.float64]
 
@@ -32,30 +34,29 @@ class GroundMeasurement:
 class GroundMeter:
     """Measures the ground plane in the foothold region, frame by frame; it keeps no memory of earlier frames."""
 
-    matching_width_px = 640
     least_matched_share = 0.30
     least_inlier_share = 0.30
     most_pixels = 5000
     locking_px = 0.05
     """What interpolation between whole disparities leaves as a common offset (pixel locking), one σ."""
 
-    def __init__(self, stereo: StereoCalibration, residual: Residual) -> None:
-        self.rectifier = Rectifier(stereo, max(1, round(stereo.left.width_px / self.matching_width_px)))
-        self._matcher = SemiGlobalMatcher(self.rectifier)
-        self._fitter = PlaneFitter(fB_px_m=self.rectifier.f_px * self.rectifier.baseline_m)
+    def __init__(self, camera: StereoCalibration | DepthCalibration, residual: Residual) -> None:
+        self.camera: DisparityCamera = (
+            DepthCamera(camera) if isinstance(camera, DepthCalibration) else StereoCamera(camera)
+        )
+        self._fitter = PlaneFitter(fB_px_m=self.camera.f_px * self.camera.baseline_m)
         self._residual = residual
 
     def measure(
         self,
-        left: GreyImage,
-        right: GreyImage,
+        images: Sequence[Image],
         R_HC: FloatArray,
         w_HC_C_radps: FloatArray,
         height_rate_mps: float,
         region: FootholdSettings,
         expected: Plane | None,
     ) -> GroundMeasurement:
-        """Return the plane in H of the raw pair `left`, `right`, (height, width) uint8 of the calibrated size.
+        """Return the plane in H of a frame's raw `images`, (height, width) each, of the calibrated sizes.
 
         `R_HC` holds at mid-exposure of the middle row; for the other rows of a rolling shutter `w_HC_C_radps` turns
         the camera and `height_rate_mps` lifts it off the ground.
@@ -63,19 +64,18 @@ class GroundMeter:
         """
         foreseen = expected or Plane((0.0, 0.0), region.nominal_height_m)
         margin_m = region.height_margin_m if expected is None else region.step_m
+        corners_H = region.footprint(foreseen, margin_m)
+        points_C = np.vstack((corners_H, corners_H.mean(axis=0))) @ R_HC
+        if points_C[:, 2].min() < _LEAST_DEPTH_M:
+            return GroundMeasurement(Reason.FOOTHOLD_OUT_OF_VIEW, 0.0)
         try:
-            view = view_of(region.footprint(foreseen, margin_m), R_HC, self.rectifier)
+            patch = self.camera.look(images, points_C)
         except OutOfRangeError:
             return GroundMeasurement(Reason.OUT_OF_RANGE, 0.0)
-        if view is None:
+        if patch is None:
             return GroundMeasurement(Reason.FOOTHOLD_OUT_OF_VIEW, 0.0)
-        window, search = view
-
-        disparity_px = self._matcher.match(left, right, window, search).astype(np.float64)
-        stride = max(1, round(np.sqrt(disparity_px.size / self.most_pixels)))
-        disparity_px = disparity_px[::stride, ::stride]
-        row_time_s = self.rectifier.row_time_s[window.rows, window.columns][::stride, ::stride, None]
-        rays_C = self.rectifier.rays_C(window)[::stride, ::stride]
+        patch, stride = patch.thinned(self.most_pixels)
+        rays_C, disparity_px, row_time_s = patch.rays_C, patch.disparity_px, patch.row_time_s[..., None]
         # R_HC(t + τ) r ≈ R_HC (r + τ ω × r), and by (1) h(t + τ) = h + τ ḣ divides what a ray sees
         rays_H = (rays_C + row_time_s * np.cross(w_HC_C_radps, rays_C)) @ R_HC.T
         rays_H /= 1.0 + row_time_s * (height_rate_mps / foreseen.height_m)
@@ -102,12 +102,15 @@ class GroundMeter:
     def _residual_cov(self, plane: Plane, R_HC: FloatArray) -> FloatArray:
         """Return the covariance of (a, b, h) by a common offset of d, which moves θ of (1) along C's z.
 
-        A toe-in ε gives an offset f ε; pixel locking gives another.
+        A toe-in ε gives an offset f ε; pixel locking gives another. A wrong scale of depth stretches h alone.
         """
-        offset_px = np.hypot(self.rectifier.f_px * self._residual.toe_in_rad, self.locking_px)
+        offset_px = np.hypot(self.camera.f_px * self._residual.toe_in_rad, self.locking_px)
         moved = self._fitter.jacobian(plane.theta(self._fitter.fB_px_m)) @ (offset_px * R_HC[:, 2])
-        return np.outer(moved, moved)
+        cov: FloatArray = np.outer(moved, moved)
+        cov[2, 2] += (plane.height_m * self.camera.scale_residual) ** 2
+        return cov
 
 
+_LEAST_DEPTH_M = 0.1
 _LEAST_PIXELS = 100
 _LEAST_DISPARITY_PX = 1e-6

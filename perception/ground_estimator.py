@@ -1,9 +1,9 @@
-"""A stereo frame and the attitude at its mid-exposure to the published estimate of the ground ahead."""
+"""A frame and the attitude at its mid-exposure to the published estimate of the ground ahead."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from messages import Calibration, GroundPlane, Reason, Status, StereoFrame, Vec3, upper_triangle
+from messages import Frame, GroundPlane, Reason, Status, StereoFrame, UnitCalibration, Vec3, upper_triangle
 from perception.foothold import FootholdSettings
 from perception.ground import GroundMeasurement, GroundMeter
 from perception.plane import Plane
@@ -15,18 +15,22 @@ FloatArray = NDArray[np.float64]
 class GroundEstimator:
     """Measures each frame, follows the plane over time and states what the estimate is worth."""
 
-    def __init__(self, calibration: Calibration, foothold: FootholdSettings) -> None:
+    def __init__(self, calibration: UnitCalibration, foothold: FootholdSettings) -> None:
         self._residual = calibration.residual
         self._calibration_id = calibration.id
         self._foothold = foothold
-        self._meter = GroundMeter(calibration.stereo, calibration.residual)
+        self._meter = GroundMeter(calibration.camera, calibration.residual)
         self._tracker = PlaneTracker(TrackingSettings())
         self._swap_watch = _SwapWatch()
-        self._R_BC: FloatArray = np.array(calibration.X_BL.R) @ self._meter.rectifier.R_LC
+        self._R_BC: FloatArray = np.array(calibration.X_BE.R) @ self._meter.camera.R_EC
+
+    def look_at(self, foothold: FootholdSettings) -> None:
+        """Measure another region from the next frame on."""
+        self._foothold = foothold
 
     def estimate(
         self,
-        frame: StereoFrame,
+        frame: Frame,
         R_WB: FloatArray,
         w_WB_B_radps: Vec3,
         rotation_cov_W_rad2: FloatArray,
@@ -39,7 +43,7 @@ class GroundEstimator:
         `height_rate_mps` is how fast the camera moves away from the ground: a walker's bob, not the climb of a ramp.
         With `reduced` only the middle half of the region's width is matched.
         """
-        if frame.left.shape[::-1] != self._meter.rectifier.raw_size_px:
+        if tuple(image.shape[::-1] for image in frame.images) != tuple(self._meter.camera.image_sizes_px):
             return self.refused(frame, Reason.WRONG_SIZE)
         R_WC = R_WB @ self._R_BC
         R_WH = heading(R_WC)
@@ -51,13 +55,14 @@ class GroundEstimator:
         region = self._foothold.narrowed() if reduced else self._foothold
 
         def measure(swapped: bool) -> GroundMeasurement:
-            left, right = (frame.right, frame.left) if swapped else (frame.left, frame.right)
+            images = frame.images[::-1] if swapped else frame.images
             plane = None if swapped else expected
-            return self._meter.measure(left, right, R_WH.T @ R_WC, w_WC_C_radps, height_rate_mps, region, plane)
+            return self._meter.measure(images, R_WH.T @ R_WC, w_WC_C_radps, height_rate_mps, region, plane)
 
         measured = measure(swapped=False)
         if measured.fit is None:
-            swapped = self._swap_watch.suspects(measured.reason) and measure(swapped=True).fit is not None
+            suspected = isinstance(frame, StereoFrame) and self._swap_watch.suspects(measured.reason)
+            swapped = suspected and measure(swapped=True).fit is not None
             return self.refused(frame, self._swap_watch.verdict(measured.reason, swapped), measured.matched_share)
         self._swap_watch.clear()
         plane, plane_cov = self._tracker.updated(t_ns, measured.fit, R_WH)
@@ -79,7 +84,7 @@ class GroundEstimator:
             calibration_id=self._calibration_id,
         )
 
-    def refused(self, frame: StereoFrame, reason: Reason, matched_share: float = float("nan")) -> GroundPlane:
+    def refused(self, frame: Frame, reason: Reason, matched_share: float = float("nan")) -> GroundPlane:
         """Return the estimate that says only why `frame` gives none."""
         return no_ground(
             frame.header.t_exposure_ns,

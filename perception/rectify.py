@@ -33,6 +33,18 @@ class Window:
         """Return the columns as a slice."""
         return slice(self.left, self.right)
 
+    @classmethod
+    def around(cls, u_px: FloatArray, v_px: FloatArray, width_px: int, height_px: int) -> "Window | None":
+        """Return the window that holds the pixels (u, v), cut at the border; None if the last one lies outside."""
+        if not (0 <= u_px[-1] < width_px and 0 <= v_px[-1] < height_px):
+            return None
+        return cls(
+            top=max(0, int(np.floor(v_px.min()))),
+            bottom=min(height_px, int(np.ceil(v_px.max())) + 1),
+            left=max(0, int(np.floor(u_px.min()))),
+            right=min(width_px, int(np.ceil(u_px.max())) + 1),
+        )
+
 
 class Rectifier:
     """Rectification of one calibrated pair, reduced by a whole `divisor` before it is warped.
@@ -93,6 +105,15 @@ class Rectifier:
 def intrinsics(lens: Lens) -> FloatArray:
     """Return K (3, 3): pixel = K · ray, without distortion."""
     return np.array([[lens.fx_px, 0, lens.cx_px], [0, lens.fy_px, lens.cy_px], [0, 0, 1.0]])
+
+
+def undistorted_rays(lens: Lens, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
+    """Return (len(v), len(u), 3): rays with z = 1 through the raw pixels at columns `u_px` and rows `v_px`."""
+    pixels = np.stack(np.meshgrid(u_px, v_px), axis=-1).reshape(-1, 1, 2)
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+    xy = cv2.undistortPoints(pixels, intrinsics(lens), np.array(lens.distortion), criteria=criteria)
+    xy = xy.reshape(len(v_px), len(u_px), 2)
+    return np.concatenate((xy, np.ones((*xy.shape[:2], 1))), axis=-1)
 
 
 def _reduced(K: FloatArray, divisor: int) -> FloatArray:

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib.nominal import R_BL_NOMINAL
 from messages import Calibration, ImuCalibration, Lens, Pose, Residual, StereoCalibration, matrix3, vec3
 from sim_rig.imu.chip_unit import ChipUnit, draw_chip_unit
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
 STANDARD_GRAVITY_MPS2 = 9.80665
-R_BL_NOMINAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 RESIDUAL = Residual(
     specific_force_mps2=1.5e-3 * STANDARD_GRAVITY_MPS2,

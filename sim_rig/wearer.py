@@ -3,26 +3,40 @@
 import heapq
 import time
 from collections.abc import Callable, Iterator
+from typing import Protocol
 
 import numpy as np
 
 from drivers.mpu6050 import Mpu6050
 from drivers.mpu6050_settings import Mpu6050Settings
 from drivers.stereo_source import FramePair
-from messages import Calibration, GroundTruth, ImuSample, StereoFrame, Tick
-from sim_rig.camera.rig_camera import RigCamera, Scene
+from messages import Calibration, Frame, GroundTruth, ImuSample, StereoFrame, Tick
+from sim_rig.camera.rendered_frames import RenderedFrames, Scene
+from sim_rig.camera.rig_camera import RigCamera
 from sim_rig.camera.shutter import Shutter
+from sim_rig.imu.data_ready import SimulatedDataReady
 from sim_rig.imu.i2c_bus import I2cWires, SimulatedI2cBus
 from sim_rig.imu.mpu6050_chip import Mpu6050Chip
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, draw_unit
 from sim_rig.walk.scenario import Scenario
-from sim_rig.walk.truth import TruthSource
+from sim_rig.walk.truth import TruthSource, rectified_axis_L
 
 _IMU_ADDRESS = 0x68
 _IMU_POLL_NS = 5_000_000
 _POLL_LATENESS_S = 0.15e-3
 _TICK_NS = 10_000_000
 _BOOT_NS = 500_000_000
+
+
+class Eyes(Protocol):
+    """A camera that the wearer carries, on whatever walk it was made for."""
+
+    @property
+    def shutter(self) -> Shutter:
+        """Return when each frame is taken and due."""
+
+    def frames(self, count: int, first: int = 0) -> Iterator[tuple[Frame, GroundTruth]]:
+        """Yield frames `first`, `first` + 1 … with their truth."""
 
 
 class SimulatedWearer:
@@ -50,20 +64,32 @@ class SimulatedWearer:
             else self.unit.calibration(np.random.default_rng([seed, 6]))
         )
         self._scene = Scene(self.unit, scenario, seed, start_ns)
-        self._shutter = Shutter(self.unit, self.calibration, seed, start_ns)
+        self.shutter = Shutter(self.unit.stereo, self.calibration.stereo, seed, start_ns)
         self.gait = self._scene.gait()
-        self._truth = TruthSource(self.unit, scenario.world, self.gait)
+        axis_L = rectified_axis_L(self.unit.stereo)
+        self._truth = TruthSource(self.unit.X_BL, axis_L, scenario.world, self.gait)
         self._seed = seed
         self._start_ns = start_ns
         self._camera: RigCamera | None = None
+        self._chip: Mpu6050Chip | None = None
         self._wires: I2cWires | None = None
+        self._data_ready: SimulatedDataReady | None = None
 
     @property
     def wires(self) -> I2cWires:
         """The I2C wires of the IMU, in real time; faults are made here."""
         if self._wires is None:
-            self._wires = self._wired_chip(time.monotonic_ns, time.sleep)
+            self._wires = I2cWires({_IMU_ADDRESS: self._chip_in_real_time()}, elapse=time.sleep)
         return self._wires
+
+    @property
+    def data_ready(self) -> SimulatedDataReady:
+        """The IMU's data-ready line, in real time; for the thread that reads the bus."""
+        if self._data_ready is None:
+            self._data_ready = SimulatedDataReady(
+                self._chip_in_real_time(), time.monotonic_ns, time.sleep, self._seed, late_share=0.0
+            )
+        return self._data_ready
 
     def imu_bus(self) -> SimulatedI2cBus:
         """Return a new handle on the wires, as a driver opens one; the chip is at address 0x68."""
@@ -72,49 +98,55 @@ class SimulatedWearer:
     def camera(self) -> RigCamera:
         """Return the camera, in real time; its process starts now."""
         if self._camera is None:
-            self._camera = RigCamera(self._scene, self._shutter)
+            self._camera = RigCamera(self._scene, self.shutter)
         return self._camera
+
+    def rendered_frames(self, slots: int) -> RenderedFrames:
+        """Return the camera's frames for another player, `slots` of them ahead; their process starts now."""
+        return RenderedFrames(self._scene, self.shutter, slots=slots, niceness=0)
 
     def truth(self, t_exposure_ns: int, ahead_m: float = 0.7, half_length_m: float = 0.3) -> GroundTruth:
         """Return the truth of the frame whose header says `t_exposure_ns`, for the foothold `ahead_m` along x of H.
 
         `transition` is whether the ground within `half_length_m` before and behind the foothold has an edge.
         """
-        return self._truth.at(self._shutter.true_of(t_exposure_ns), t_exposure_ns, ahead_m, half_length_m)
+        return self._truth.at(self.shutter.true_of(t_exposure_ns), t_exposure_ns, ahead_m, half_length_m)
 
     def frames(self, count: int, first: int = 0) -> Iterator[tuple[StereoFrame, GroundTruth]]:
         """Yield frames `first`, `first` + 1 … with their truth, as fast as they can be rendered in this process."""
         renderer = self._scene.renderer()
         for k in range(first, first + count):
             left, right = np.empty((2, HEIGHT_PX, WIDTH_PX), np.uint8)
-            renderer.render(self._shutter.true_ns(k), self._shutter.exposure_s(k), k, left, right)
-            frame = FramePair(left, right).frame(self._shutter.header(k))
+            renderer.render(self.shutter.true_ns(k), self.shutter.exposure_s(k), k, left, right)
+            frame = FramePair(left, right).frame(self.shutter.header(k))
             yield frame, self.truth(frame.header.t_exposure_ns)
 
-    def offline_inputs(self, seconds: float) -> Iterator[ImuSample | Tick | StereoFrame]:
+    def offline_inputs(self, seconds: float, eyes: "Eyes | None" = None) -> Iterator[ImuSample | Tick | Frame]:
         """Yield what the pipeline would be given in the first `seconds`, in order of arrival, without waiting.
 
+        `eyes` take the place of the stereo camera.
         The real driver polls the simulated chip on a simulated clock, every 5 ms but for a thread's lateness, from a
         quarter of a second before the start on; ticks come every 10 ms, frames when they are due. Nothing is lost.
         """
         clock = _SimulatedClock(self._start_ns - _BOOT_NS)
-        wires = self._wired_chip(clock, clock.sleep)
+        wires = I2cWires({_IMU_ADDRESS: self._new_chip(clock)}, elapse=clock.sleep)
         imu = Mpu6050(wires.open, settings=Mpu6050Settings(), clock=clock, sleep=clock.sleep)
         imu.open()
         end_ns = self._start_ns + round(seconds * 1e9)
         due_frames = 0
-        while self._shutter.due_ns(due_frames) < end_ns:
+        eyes = eyes or self
+        while eyes.shutter.due_ns(due_frames) < end_ns:
             due_frames += 1
-        frames = self.frames(due_frames)
+        frames = eyes.frames(due_frames)
         agenda = heapq.merge(
             ((t_ns, "poll") for t_ns in self._poll_times_ns(clock(), end_ns)),
             ((t_ns, "tick") for t_ns in range(self._start_ns, end_ns, _TICK_NS)),
-            ((self._shutter.due_ns(k), "frame") for k in range(due_frames)),
+            ((eyes.shutter.due_ns(k), "frame") for k in range(due_frames)),
         )
         for t_ns, event in agenda:
             clock.advance_to(t_ns)
             if event == "poll":
-                yield from imu.read()
+                yield from imu.read(timeout_s=0.0)
             elif event == "tick":
                 yield Tick(t_ns=t_ns)
             else:
@@ -133,9 +165,13 @@ class SimulatedWearer:
         times_ns: list[int] = np.sort(beats + (lateness_s * 1e9).astype(np.int64)).tolist()
         return times_ns
 
-    def _wired_chip(self, clock: Callable[[], int], sleep: Callable[[float], None]) -> I2cWires:
-        chip = Mpu6050Chip(self.gait.imu, self.unit.chip, clock, self._seed)
-        return I2cWires({_IMU_ADDRESS: chip}, elapse=sleep)
+    def _chip_in_real_time(self) -> Mpu6050Chip:
+        if self._chip is None:
+            self._chip = self._new_chip(time.monotonic_ns)
+        return self._chip
+
+    def _new_chip(self, clock: Callable[[], int]) -> Mpu6050Chip:
+        return Mpu6050Chip(self.gait.imu, self.unit.chip, clock, self._seed)
 
 
 class _SimulatedClock:

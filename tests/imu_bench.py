@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.mpu6050 import Mpu6050
-from drivers.mpu6050_registers import FILTER_ROWS
+from drivers.mpu6050_chips import MPU6050_WHO_AM_I
 from drivers.mpu6050_settings import Mpu6050Settings
 from messages import ImuSample
 from sim_rig.imu.chip_unit import SF_NOISE_DENSITY, W_NOISE_DENSITY, ChipUnit
+from sim_rig.imu.data_ready import SimulatedDataReady
 from sim_rig.imu.i2c_bus import I2cWires
 from sim_rig.imu.mpu6050_chip import Mpu6050Chip
 from sim_rig.imu.mpu6050_signal import Motion
@@ -46,21 +47,32 @@ def swaying(t_ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
 
 @dataclass
 class ImuBench:
-    """Everything from the motion to the samples. `edges_ns` are the true instants of all the chip's samples."""
+    """Everything from the motion to the samples. `edges_ns` are the true instants of all the chip's samples.
+
+    With the data-ready line the driver waits for edges; without it `run` polls.
+    """
 
     motion: Motion = swaying
     unit: ChipUnit = NOISY
     settings: Mpu6050Settings = field(default_factory=Mpu6050Settings)
     smbus_only: bool = False
     seed: int = 1
+    who_am_i: int = MPU6050_WHO_AM_I
+    with_line: bool = False
     edges_ns: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.time = SimulatedTime()
-        self.chip = Mpu6050Chip(self.motion, self.unit, self.time, self.seed)
+        self.chip = Mpu6050Chip(self.motion, self.unit, self.time, self.seed, self.who_am_i)
+        self.line = SimulatedDataReady(self, self.time, self.time.sleep, self.seed)
         self.wires = I2cWires({ADDRESS: self.chip}, smbus_only=self.smbus_only, elapse=self.time.sleep)
         self.imu = Mpu6050(
-            self.wires.open, address=ADDRESS, settings=self.settings, clock=self.time, sleep=self.time.sleep
+            self.wires.open,
+            address=ADDRESS,
+            settings=self.settings,
+            open_data_ready=self.line.open if self.with_line else None,
+            clock=self.time,
+            sleep=self.time.sleep,
         )
         self._rng = np.random.default_rng(self.seed)
 
@@ -71,8 +83,28 @@ class ImuBench:
 
     def poll(self) -> list[ImuSample]:
         """Read once and note the true sample instants."""
-        samples = list(self.imu.read())
-        self.edges_ns += self.chip.take_edges()
+        samples = list(self.imu.read(timeout_s=0.0))
+        self.take_edges()
+        return samples
+
+    def take_edges(self) -> list[int]:
+        """Return the chip's new edges and note them: the line's source, tapped for the truth."""
+        edges = self.chip.take_edges()
+        self.edges_ns += edges
+        return edges
+
+    def next_edge_ns(self) -> int | None:
+        """Return when the chip's next edge will be."""
+        return self.chip.next_edge_ns()
+
+    def follow(self, duration_s: float, timeout_s: float = 0.1) -> list[ImuSample]:
+        """Read as the daemon does: wait in the driver, woken late by 0.1 ms on average and now and then by 10 ms."""
+        samples: list[ImuSample] = []
+        end_ns = self.time.now_ns + round(duration_s * 1e9)
+        while self.time.now_ns < end_ns:
+            samples += self.imu.read(timeout_s)
+            self.take_edges()
+            self.time.sleep(float(self._rng.exponential(0.0001) + 0.010 * (self._rng.random() < 0.005)))
         return samples
 
     def run(self, duration_s: float, *, poll_s: float = 0.005, jittery: bool = True) -> list[ImuSample]:
@@ -90,12 +122,12 @@ class ImuBench:
         """Let time pass without reading; the chip goes on."""
         while duration_s > 0.0:
             self.time.sleep(min(duration_s, 1.0))
-            self.edges_ns += self.chip.take_edges()
+            self.take_edges()
             duration_s -= 1.0
 
     def filter_delay_ns(self) -> int:
         """Return the delay that the driver takes off."""
-        return round(FILTER_ROWS[self.settings.filter_row].delay_s * 1e9)
+        return round(self.imu.filter_delay_s * 1e9)
 
     def stamp_errors_s(self, samples: list[ImuSample]) -> Floats:
         """Return how late (> 0) each stamp is against the nearest true sample instant."""

@@ -5,15 +5,29 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from drivers.v4l2 import V4l2StereoCamera
 from drivers.v4l2_device import IoctlArgument, Kernel
-from messages import StereoFrame
-from sim_rig.camera.v4l2_node import ManualClock, Mode, V4l2Node, stepping_card
+from messages import DepthImage, StereoFrame
+from sim_rig.camera.v4l2_node import DepthScene, ManualClock, Mode, V4l2Node, stepping_card
 
 WIDTH, HEIGHT = 64, 32
 MODE = Mode("YUYV", 2 * WIDTH, HEIGHT)
 SCENE = stepping_card(WIDTH, HEIGHT)
 T0_NS = 1_000_000_000_000
+
+
+def stepping_depth(width_px: int, height_px: int) -> DepthScene:
+    """Return a scene of depths above and below 255 steps, and one corner without, that grow by one every frame."""
+    depth = (np.arange(height_px)[:, None] * 37 + np.arange(width_px) * 11 + 200).astype(np.uint16)
+
+    def picture(frame: int) -> tuple[DepthImage]:
+        image = depth + np.uint16(frame % 1000)
+        image[:2, :3] = 0
+        return (image,)
+
+    return picture
 
 
 def node(**options: object) -> V4l2Node:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages import GreyImage, Lens
-from perception.rectify import intrinsics
+from perception.rectify import undistorted_rays
 from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXEL_M, TILE, canvas
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import FloatArray, Gait, Motion
@@ -221,15 +221,6 @@ class _View:
             "rcij,rcj->rci", eye.px_per_ray(self._blur_rows, self._blur_columns), motion_xy
         )
         return motion_px
-
-
-def undistorted_rays(lens: Lens, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
-    """Return (len(v), len(u), 3): rays with z = 1 through the raw pixels at columns `u_px` and rows `v_px`."""
-    pixels = np.stack(np.meshgrid(u_px, v_px), axis=-1).reshape(-1, 1, 2)
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
-    xy = cv2.undistortPoints(pixels, intrinsics(lens), np.array(lens.distortion), criteria=criteria)
-    xy = xy.reshape(len(v_px), len(u_px), 2)
-    return np.concatenate((xy, np.ones((*xy.shape[:2], 1))), axis=-1)
 
 
 def _node_pixels(cells: int) -> FloatArray:

@@ -3,8 +3,7 @@
 import numpy as np
 
 from drivers.stereo_source import GRID_NS
-from messages import Calibration, FrameHeader
-from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
+from messages import DepthCalibration, FrameHeader, StereoCalibration
 
 _LATENCY_S = (0.030, 0.045)
 _MEAN_EXPOSURE_S, _EXPOSURE_SWING_S, _EXPOSURE_PERIOD_S = 0.006, 0.002, 17.0
@@ -14,18 +13,31 @@ class Shutter:
     """Frame k of one walk is truly at mid-exposure at start + k · 50 ms.
 
     The device stamps it as its maker's clock does, the true offset before mid-exposure; the header holds that stamp
-    plus the calibrated offset, so that the calibration's time residual is in every header.
+    plus the calibrated offset, so that the calibration's time residual is in every header. `true` is the camera as it
+    is, `stated` as its calibration says.
     """
 
-    def __init__(self, unit: Unit, calibration: Calibration, seed: int, start_ns: int) -> None:
-        offset_error_s = calibration.stereo.stamp_to_mid_exposure_s - unit.stereo.stamp_to_mid_exposure_s
+    def __init__(
+        self,
+        true: StereoCalibration | DepthCalibration,
+        stated: StereoCalibration | DepthCalibration,
+        seed: int,
+        start_ns: int,
+    ) -> None:
+        offset_error_s = stated.stamp_to_mid_exposure_s - true.stamp_to_mid_exposure_s
         self._stamp_error_ns = round(offset_error_s * 1e9)
+        self._stamp_to_true_ns = round(true.stamp_to_mid_exposure_s * 1e9)
+        self._lens = true.lens
         self._seed = seed
         self._start_ns = start_ns
 
     def true_ns(self, k: int) -> int:
         """Return the true mid-exposure of frame `k`."""
         return self._start_ns + k * GRID_NS
+
+    def stamp_ns(self, k: int) -> int:
+        """Return what the device stamps on frame `k`."""
+        return self.true_ns(k) - self._stamp_to_true_ns
 
     def true_of(self, t_exposure_ns: int) -> int:
         """Return the true instant of what a header calls `t_exposure_ns`."""
@@ -52,6 +64,6 @@ class Shutter:
             t_exposure_ns=self.true_ns(k) + self._stamp_error_ns,
             t_arrival_ns=self.due_ns(k),
             exposure_s=self.exposure_s(k),
-            width_px=WIDTH_PX,
-            height_px=HEIGHT_PX,
+            width_px=self._lens.width_px,
+            height_px=self._lens.height_px,
         )

@@ -1,28 +1,34 @@
-"""A stereo camera as a kernel shows it: open, ioctl, mmap and poll of one V4L2 node, answered without a kernel.
+"""A camera as a kernel shows it: open, ioctl, mmap and poll of one V4L2 node, answered without a kernel.
 
-It behaves as videobuf2 and uvcvideo do, errno for errno, and is stricter where hardware is merely unpredictable: a
-buffer given back to it is overwritten at once, and a mapping left open keeps the node busy.
+It behaves as videobuf2 (see v4l2_buffers) and uvcvideo do, errno for errno.
 """
 
-import ctypes
 import enum
 import errno
 import mmap
-import os
 import select
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from drivers import uvc_abi as uvc
 from drivers import v4l2_abi as v4l2
 from drivers.v4l2_device import IoctlArgument
-from messages import GreyImage
+from messages import DepthImage, GreyImage
+from sim_rig.camera.v4l2_buffers import Buffers, Slot, check, os_error
+from sim_rig.camera.v4l2_pixels import PIXEL_BYTES, write_pixels
+from sim_rig.camera.zed_unit import ZedUnit
 
 Scene = Callable[[int], tuple[GreyImage, GreyImage]]
 """The left and right picture of a frame, by its number since the node was made."""
+
+EyeScene = Callable[[int], tuple[GreyImage]]
+"""The picture of a frame of a camera with one eye."""
+
+DepthScene = Callable[[int], tuple[DepthImage]]
+"""The depth image of a frame."""
 
 
 class Clock(Protocol):
@@ -62,15 +68,20 @@ class Fault(enum.Enum):
 
 
 class Mode(NamedTuple):
-    """One pixel format and size, both eyes together."""
+    """One pixel format and size, YUYV or GREY with all eyes together, or Z16, and its frame rates."""
 
     code: str
     width: int
     height: int
+    rates_hz: Sequence[int] = (15, 30, 60, 100)
 
 
-ZED_MODES = tuple(Mode("YUYV", *size) for size in ((4416, 1242), (3840, 1080), (2560, 720), (1344, 376)))
-ZED_RATES_HZ = (15, 30, 60, 100)
+ZED_MODES = (
+    Mode("YUYV", 4416, 1242, (15,)),
+    Mode("YUYV", 3840, 1080, (15, 30)),
+    Mode("YUYV", 2560, 720, (15, 30, 60)),
+    Mode("YUYV", 1344, 376, (15, 30, 60, 100)),
+)
 
 
 def stepping_card(width_px: int, height_px: int) -> Scene:
@@ -85,38 +96,26 @@ def stepping_card(width_px: int, height_px: int) -> Scene:
     return picture
 
 
-class _State(enum.Enum):
-    DEQUEUED = enum.auto()
-    QUEUED = enum.auto()
-    DONE = enum.auto()
-
-
-class _Slot:
-    """One frame buffer of the node."""
-
-    def __init__(self, index: int, length: int) -> None:
-        self.memory = mmap.mmap(-1, length)
-        self.state = _State.DEQUEUED
-        self.info = v4l2.Buffer(
-            index=index, type=v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE, memory=v4l2.V4L2_MEMORY_MMAP, length=length
-        )
-        self.info.m.offset = index * length
-
-
 @dataclass(eq=False)
 class V4l2Node:
     """A Kernel (see `drivers.v4l2_device`) that has one camera and nothing else.
 
     Frames are exposed on `clock` at the rate set, or every `slow_period_s` if that is longer, as when a camera exposes
     longer in poor light; they become ready `transfer_s` after their stamp. `faults` and `stamp_jitter_s` go by the
-    frame's number since the node was made. `held` says that another program streams.
+    frame's number since the node was made. `held` says that another program streams. With `phase_ns` the camera runs
+    freely: exposures start at whole periods from there, whenever it was told to stream. `frame_start_ns` tells the
+    scene and the faults when the frame they are asked for began. `rates_hz`, if given, are those of all modes. `link`
+    is a lasting name of the node, whatever its number. `zed` is its extension unit, if it has one.
     """
 
-    scene: Scene
+    scene: Scene | EyeScene | DepthScene
     clock: Clock
     path: str = "/dev/video0"
+    link: str = ""
+    card: str = "ZED 2: ZED 2"
     modes: Sequence[Mode] = ZED_MODES
-    rates_hz: Sequence[int] = ZED_RATES_HZ
+    rates_hz: Sequence[int] = ()
+    zed: ZedUnit | None = None
     device_caps: int = v4l2.V4L2_CAP_VIDEO_CAPTURE | v4l2.V4L2_CAP_STREAMING
     timestamp_flags: int = v4l2.V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | v4l2.V4L2_BUF_FLAG_TSTAMP_SRC_SOE
     row_padding: int = 0
@@ -127,7 +126,9 @@ class V4l2Node:
     stamp_jitter_s: Callable[[int], float] = lambda _frame: 0.0
     faults: Mapping[int, Fault] = field(default_factory=dict)
     held: bool = False
+    phase_ns: int | None = None
     frames_exposed: int = field(default=0, init=False)
+    frame_start_ns: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         self._plugged = True
@@ -137,21 +138,18 @@ class V4l2Node:
         self._rate_hz = 60
         self._sequence = 0
         self._next_frame_ns = 0
-        self._streaming = False
-        self._owner: int | None = None
-        self._slots: list[_Slot] = []
-        self._queued: deque[_Slot] = deque()
-        self._done: deque[_Slot] = deque()
+        self._buffers = Buffers(self.most_buffers)
 
     def unplug(self) -> None:
         """Pull the cable: whatever is open is dead from now on."""
         self._plugged = False
         self._descriptors.clear()
-        self._release()
+        self._buffers.release()
 
-    def plug_in(self) -> None:
-        """Put the cable back: the node can be opened anew."""
+    def plug_in(self, path: str | None = None) -> None:
+        """Put the cable back: the node can be opened anew, now by `path` if that is given."""
         self._plugged = True
+        self.path = path or self.path
 
     # The system calls.
 
@@ -165,8 +163,8 @@ class V4l2Node:
 
     def open(self, path: str) -> int:
         """Open the node."""
-        if path != self.path or not self._plugged:
-            raise _os_error(errno.ENOENT)
+        if path not in (self.path, self.link) or not self._plugged:
+            raise os_error(errno.ENOENT)
         self._latest_descriptor += 1
         self._descriptors.add(self._latest_descriptor)
         return self._latest_descriptor
@@ -178,10 +176,7 @@ class V4l2Node:
     def mmap(self, fd: int, length: int, offset: int) -> mmap.mmap:
         """Map a buffer."""
         self._check_alive(fd)
-        for slot in self._slots:
-            if slot.info.m.offset == offset and slot.info.length == length and fd == self._owner:
-                return slot.memory
-        raise _os_error(errno.EINVAL)
+        return self._buffers.mapping(fd, length, offset)
 
     def poll(self, fd: int, timeout_s: float) -> int:
         """Let time pass until a frame is ready, the cable comes out, or the time-out."""
@@ -191,9 +186,9 @@ class V4l2Node:
             now_ns = self.monotonic_ns()
             if fd not in self._descriptors:
                 return select.POLLERR | select.POLLHUP
-            if not self._streaming or fd != self._owner:
+            if not self._buffers.streaming or fd != self._buffers.owner:
                 return select.POLLERR
-            if self._done:
+            if self._buffers.ready:
                 return select.POLLIN | select.POLLRDNORM
             if now_ns >= deadline_ns:
                 return 0
@@ -210,44 +205,61 @@ class V4l2Node:
                 self._enum_fmt(argument)
             case v4l2.FrmSizeEnum() if request == v4l2.VIDIOC_ENUM_FRAMESIZES:
                 self._enum_framesizes(argument)
+            case v4l2.FrmIvalEnum() if request == v4l2.VIDIOC_ENUM_FRAMEINTERVALS:
+                self._enum_frameintervals(argument)
             case v4l2.Format() if request == v4l2.VIDIOC_S_FMT:
                 self._s_fmt(argument)
             case v4l2.StreamParm() if request == v4l2.VIDIOC_S_PARM:
                 self._s_parm(argument)
             case v4l2.RequestBuffers() if request == v4l2.VIDIOC_REQBUFS:
-                self._reqbufs(fd, argument)
+                self._check_free()
+                self._buffers.request(fd, argument, self._frame_bytes)
             case v4l2.Buffer() if request == v4l2.VIDIOC_QUERYBUF:
-                ctypes.pointer(argument)[0] = self._slot(fd, argument).info
+                self._buffers.describe(fd, argument)
             case v4l2.Buffer() if request == v4l2.VIDIOC_QBUF:
-                self._qbuf(self._slot(fd, argument))
+                self._buffers.queue(fd, argument)
             case v4l2.Buffer() if request == v4l2.VIDIOC_DQBUF:
-                self._dqbuf(fd, argument)
+                self._buffers.dequeue(fd, argument)
+            case uvc.XuControlQuery() if request == uvc.UVCIOC_CTRL_QUERY and self.zed is not None:
+                self.zed.ask(argument)
+            case uvc.XuControlQuery() if request == uvc.UVCIOC_CTRL_QUERY:
+                raise os_error(errno.ENOENT)
             case _ if request == v4l2.VIDIOC_STREAMON:
                 self._streamon(fd)
             case _:
-                raise _os_error(errno.ENOTTY)
+                raise os_error(errno.ENOTTY)
 
     # The requests.
 
     def _querycap(self, capability: v4l2.Capability) -> None:
-        capability.driver, capability.card, capability.bus_info = b"uvcvideo", b"ZED 2: ZED 2", b"usb-0000:00:14.0-1"
+        capability.driver, capability.card, capability.bus_info = b"uvcvideo", self.card.encode(), b"usb-0000:00:14.0-1"
         capability.device_caps = self.device_caps
         whole_camera = v4l2.V4L2_CAP_VIDEO_CAPTURE | v4l2.V4L2_CAP_STREAMING
         capability.capabilities = whole_camera | v4l2.V4L2_CAP_DEVICE_CAPS
 
     def _enum_fmt(self, description: v4l2.FmtDesc) -> None:
         codes = list(dict.fromkeys(mode.code for mode in self.modes))
-        _check(description.index < len(codes))
+        check(description.index < len(codes))
         description.pixelformat = v4l2.fourcc(codes[description.index])
 
     def _enum_framesizes(self, size: v4l2.FrmSizeEnum) -> None:
         modes = [mode for mode in self.modes if v4l2.fourcc(mode.code) == size.pixel_format]
-        _check(size.index < len(modes))
+        check(size.index < len(modes))
         size.type = v4l2.V4L2_FRMSIZE_TYPE_DISCRETE
         size.discrete.width, size.discrete.height = modes[size.index].width, modes[size.index].height
 
+    def _enum_frameintervals(self, interval: v4l2.FrmIvalEnum) -> None:
+        size = interval.width, interval.height
+        fitting = [m for m in self.modes if v4l2.fourcc(m.code) == interval.pixel_format and m[1:3] == size]
+        check(bool(fitting))
+        rates_hz = self._rates_of(fitting[0])
+        check(interval.index < len(rates_hz))
+        interval.type = v4l2.V4L2_FRMIVAL_TYPE_DISCRETE
+        # in units of 100 ns, as UVC has them
+        interval.discrete.numerator, interval.discrete.denominator = 10_000_000 // rates_hz[interval.index], 10_000_000
+
     def _s_fmt(self, wanted: v4l2.Format) -> None:
-        _check(wanted.type == v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE)
+        check(wanted.type == v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE)
         self._check_free()
         pix = wanted.fmt.pix
 
@@ -262,43 +274,25 @@ class V4l2Node:
     def _s_parm(self, wanted: v4l2.StreamParm) -> None:
         capture = wanted.parm.capture
         asked_hz = capture.timeperframe.denominator / capture.timeperframe.numerator
-        self._rate_hz = min(self.rates_hz, key=lambda rate_hz: abs(rate_hz - asked_hz))
+        self._rate_hz = min(self._rates_of(self._mode), key=lambda rate_hz: abs(rate_hz - asked_hz))
         capture.capability = v4l2.V4L2_CAP_TIMEPERFRAME
         capture.timeperframe.numerator, capture.timeperframe.denominator = 1, self._rate_hz
 
-    def _reqbufs(self, fd: int, request: v4l2.RequestBuffers) -> None:
-        _check(request.type == v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE and request.memory == v4l2.V4L2_MEMORY_MMAP)
-        self._check_free()
-        request.count = min(request.count, self.most_buffers)
-        length = -(-self._frame_bytes // mmap.PAGESIZE) * mmap.PAGESIZE
-        self._owner = fd
-        self._slots = [_Slot(index, length) for index in range(request.count)]
-
-    def _qbuf(self, slot: _Slot) -> None:
-        _check(slot.state is _State.DEQUEUED)
-        slot.state = _State.QUEUED
-        self._queued.append(slot)
-        np.frombuffer(slot.memory, np.uint8)[:] = 0xA5
-
-    def _dqbuf(self, fd: int, buffer: v4l2.Buffer) -> None:
-        _check(self._streaming and fd == self._owner and buffer.memory == v4l2.V4L2_MEMORY_MMAP)
-        if not self._done:
-            raise _os_error(errno.EAGAIN)
-        slot = self._done.popleft()
-        slot.state = _State.DEQUEUED
-        ctypes.pointer(buffer)[0] = slot.info
-
     def _streamon(self, fd: int) -> None:
-        _check(bool(self._slots) and fd == self._owner)
-        self._streaming = True
+        self._buffers.stream(fd)
         self._sequence = 0
         self._next_frame_ns = self.monotonic_ns() + round(self.startup_s * 1e9)
+        if self.phase_ns is not None:
+            self._next_frame_ns += (self.phase_ns - self._next_frame_ns) % round(1e9 / self._rate_hz)
 
     # The camera.
 
+    def _rates_of(self, mode: Mode) -> Sequence[int]:
+        return self.rates_hz or mode.rates_hz
+
     @property
     def _pitch(self) -> int:
-        return 2 * self._mode.width + self.row_padding
+        return PIXEL_BYTES[self._mode.code] * self._mode.width + self.row_padding
 
     @property
     def _frame_bytes(self) -> int:
@@ -310,28 +304,23 @@ class V4l2Node:
 
     def _expose(self) -> None:
         """Stop if the owner has let go of everything; else take every frame that is due by now."""
-        if self._owner not in self._descriptors and all(slot.memory.closed for slot in self._slots):
-            self._release()
-        while self._streaming and self._next_ready_ns <= self.monotonic_ns():
+        self._buffers.release_if_abandoned(self._descriptors)
+        while self._buffers.streaming and self._next_ready_ns <= self.monotonic_ns():
             frame, sequence, start_ns = self.frames_exposed, self._sequence, self._next_frame_ns
+            self.frame_start_ns = start_ns
             self.frames_exposed += 1
             self._sequence += 1
             self._next_frame_ns += round(max(1.0 / self._rate_hz, self.slow_period_s) * 1e9)
             fault = self.faults.get(frame)
             if fault is Fault.UNPLUG:
                 self.unplug()
-            elif fault is not Fault.LOST and self._queued:  # a frame without a buffer to go to is lost as well
-                self._deliver(self._queued.popleft(), frame, sequence, start_ns, fault)
+            elif fault is not Fault.LOST and (slot := self._buffers.to_fill()) is not None:
+                self._deliver(slot, frame, sequence, start_ns, fault)
 
-    def _deliver(self, slot: _Slot, frame: int, sequence: int, start_ns: int, fault: Fault | None) -> None:
-        height, width = self._mode.height, self._mode.width
-        yuyv = np.ndarray((height, width, 2), np.uint8, buffer=slot.memory, strides=(self._pitch, 2, 1))
-        rows = slice(height // 3) if fault in (Fault.SHORT, Fault.ERROR) else slice(None)
-        left, right = self.scene(frame)
-        yuyv[rows, : width // 2, 0] = left[rows]
-        yuyv[rows, width // 2 :, 0] = right[rows]
-        yuyv[rows, 0::2, 1] = 90
-        yuyv[rows, 1::2, 1] = 200
+    def _deliver(self, slot: Slot, frame: int, sequence: int, start_ns: int, fault: Fault | None) -> None:
+        rows = slice(self._mode.height // 3) if fault in (Fault.SHORT, Fault.ERROR) else slice(None)
+        size = self._mode.width, self._mode.height
+        write_pixels(slot.memory, self._mode.code, size, self._pitch, self.scene(frame), rows)
 
         stamp_ns = start_ns + round(self.stamp_jitter_s(frame) * 1e9)
         if fault is Fault.OLD_STAMP:
@@ -343,36 +332,15 @@ class V4l2Node:
         info.timestamp.tv_sec, info.timestamp.tv_usec = stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000 // 1000
         info.bytesused = self._frame_bytes // 3 if fault is Fault.SHORT else self._frame_bytes
         info.flags = self.timestamp_flags | (v4l2.V4L2_BUF_FLAG_ERROR if fault is Fault.ERROR else 0)
-        slot.state = _State.DONE
-        self._done.append(slot)
+        self._buffers.filled(slot)
 
     # The rules.
 
-    def _slot(self, fd: int, buffer: v4l2.Buffer) -> _Slot:
-        _check(buffer.type == v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE and buffer.memory == v4l2.V4L2_MEMORY_MMAP)
-        _check(fd == self._owner and buffer.index < len(self._slots))
-        return self._slots[buffer.index]
-
     def _check_alive(self, fd: int) -> None:
         if fd not in self._descriptors:
-            raise _os_error(errno.ENODEV)
+            raise os_error(errno.ENODEV)
 
     def _check_free(self) -> None:
-        if self.held or self._owner is not None:
-            raise _os_error(errno.EBUSY)
-
-    def _release(self) -> None:
-        self._streaming = False
-        self._owner = None
-        self._slots = []
-        self._queued.clear()
-        self._done.clear()
-
-
-def _check(allowed: bool) -> None:
-    if not allowed:
-        raise _os_error(errno.EINVAL)
-
-
-def _os_error(number: int) -> OSError:
-    return OSError(number, os.strerror(number))
+        if self.held:
+            raise os_error(errno.EBUSY)
+        self._buffers.check_free()

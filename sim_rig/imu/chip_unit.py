@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.mpu6050_self_test import TrimCodes
+
 _STANDARD_GRAVITY_MPS2 = 9.80665
 
 SCALE_LIMIT = 0.03
@@ -20,6 +22,7 @@ CLOCK_LIMIT = 0.01
 SF_NOISE_DENSITY = 400e-6 * _STANDARD_GRAVITY_MPS2
 W_NOISE_DENSITY = float(np.deg2rad(0.005))
 _DIE_TEMPERATURE_DEGC = (25.0, 40.0)
+_TYPICAL_TRIM = TrimCodes(accel=(17, 15, 19), gyro=(13, 11, 14))
 
 
 def _zero_vector() -> NDArray[np.float64]:
@@ -34,6 +37,10 @@ def _zero_matrix() -> NDArray[np.float64]:
     return np.zeros((3, 3))
 
 
+def _whole() -> NDArray[np.float64]:
+    return np.ones(6)
+
+
 @dataclass(frozen=True, eq=False)
 class ChipUnit:
     """The true error model of one chip; the defaults are a perfect, silent chip.
@@ -43,7 +50,8 @@ class ChipUnit:
 
     Matrices are (3, 3), biases (3,). `g_sensitivity` is in (rad/s) per (m/s²). Noise densities are one-sided, in
     m/s²/√Hz and rad/s/√Hz. `clock_error` is relative: a positive one makes the chip's clock fast, its sample rate
-    (1 + clock_error) times nominal.
+    (1 + clock_error) times nominal. `trim_codes` is what the factory wrote for the self-test, `push_share` (6,), the
+    accelerometer first, how much of the factory's response is left: 0 is an axis that no longer moves.
     """
 
     sf_matrix: NDArray[np.float64] = field(default_factory=_identity)
@@ -55,6 +63,8 @@ class ChipUnit:
     w_noise_density: float = 0.0
     clock_error: float = 0.0
     temperature_degC: float = 30.0
+    trim_codes: TrimCodes = _TYPICAL_TRIM
+    push_share: NDArray[np.float64] = field(default_factory=_whole)
 
 
 def draw_chip_unit(rng: np.random.Generator) -> ChipUnit:

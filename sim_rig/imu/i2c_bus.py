@@ -43,7 +43,7 @@ class I2cWires:
         self._smbus_only = smbus_only
         self._elapse = elapse
         self._failures: deque[tuple[int, int]] = deque()
-        self._stuck = False
+        self._lasting_error = 0
         self._freed_by_opening = False
         self.transfers = 0
 
@@ -61,14 +61,14 @@ class I2cWires:
         """
         self._failures.extend((error, bytes_lost) for _ in range(times))
 
-    def stick(self, *, until_opened: bool = False) -> None:
-        """Hold a line low: every transfer times out (110 ETIMEDOUT) until `release`, or until the next `open`."""
-        self._stuck = True
+    def stick(self, error: int = errno.ETIMEDOUT, *, until_opened: bool = False) -> None:
+        """Make every transfer fail until `release`, or until the next `open`; 110 ETIMEDOUT is a line held low."""
+        self._lasting_error = error
         self._freed_by_opening = until_opened
 
     def release(self) -> None:
         """Let a stuck bus go."""
-        self._stuck = False
+        self._lasting_error = 0
         self._freed_by_opening = False
 
     def transfer(self, *messages: i2c_msg) -> None:
@@ -77,8 +77,8 @@ class I2cWires:
         Raises OSError with the kernel's errno where a fault is due or no chip answers.
         """
         self.transfers += 1
-        if self._stuck:
-            raise _os_error(errno.ETIMEDOUT)
+        if self._lasting_error:
+            raise _os_error(self._lasting_error)
         error, bytes_lost = self._failures.popleft() if self._failures else (0, 0)
         if error and not bytes_lost:
             raise _os_error(error)

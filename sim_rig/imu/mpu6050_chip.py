@@ -1,9 +1,10 @@
-"""An MPU-6050 behind its registers, driven by a motion and a clock. A driver cannot tell it from hardware.
+"""An MPU-6050, or a relative, behind its registers, driven by a motion and a clock. It passes for hardware.
 
-Source: InvenSense MPU-6000/MPU-6050 Register Map and Descriptions. Modelled: the registers of
-`drivers.mpu6050_registers`, sleep after reset, clock sources, rate divider, filter with its delay, ranges with
-clipping, FIFO with overflow, interrupts, temperature, noise, bias and clock error. Not modelled: I2C master, motion
-detection, self-test, cycle and standby modes (their registers read 0 and ignore writing).
+Source: InvenSense MPU-6000/MPU-6050 Register Map and Descriptions, and `drivers.mpu6050_chips` for what differs.
+Modelled: the registers of `drivers.mpu6050_registers`, sleep after reset, clock sources, rate divider, filters with
+their delays, ranges with clipping, FIFO with overflow, interrupts, temperature, noise, bias, clock error, self-test
+and standby of single axes. Not modelled: I2C master, motion detection and cycle mode (their registers read 0 and
+ignore writing).
 """
 
 from collections import deque
@@ -12,12 +13,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.mpu6050_chips import CHIPS, MPU6050_WHO_AM_I
 from drivers.mpu6050_registers import (
     ACCEL_RANGES,
-    FIFO_BYTES,
-    FILTER_ROWS,
     GYRO_RANGES,
-    MPU6050_WHO_AM_I,
+    STANDARD_GRAVITY_MPS2,
     FifoEnable,
     Interrupt,
     InterruptPin,
@@ -25,6 +25,7 @@ from drivers.mpu6050_registers import (
     Register,
     UserControl,
 )
+from drivers.mpu6050_self_test import factory_trim_lsb, ranges_under_test
 from sim_rig.imu.chip_unit import ChipUnit
 from sim_rig.imu.mpu6050_signal import Motion, SignalChain, SignalSettings
 
@@ -33,18 +34,22 @@ _WRITABLE_BITS: dict[int, int] = {  # the rest reads 0
     Register.CONFIG: 0x3F,
     Register.GYRO_CONFIG: 0xF8,
     Register.ACCEL_CONFIG: 0xF8,
+    Register.ACCEL_CONFIG_2: 0xCF,
     Register.FIFO_EN: 0xFF,
     Register.INT_PIN_CFG: 0xFE,
     Register.INT_ENABLE: 0x19,
     Register.USER_CTRL: 0x70,
     Register.PWR_MGMT_1: 0x6F,
+    Register.PWR_MGMT_2: 0x3F,
 }
 _SIGNAL_REGISTERS = (
     Register.SMPLRT_DIV,
     Register.CONFIG,
     Register.GYRO_CONFIG,
     Register.ACCEL_CONFIG,
+    Register.ACCEL_CONFIG_2,
     Register.PWR_MGMT_1,
+    Register.PWR_MGMT_2,
 )
 _CLOCK_SOURCE = 0x07
 _CLOCK_ERROR_GAIN = {  # of the PLL's error: the internal oscillator is ±5 % where the PLL is ±1 %
@@ -62,26 +67,34 @@ _FIFO_COLUMNS = (  # of a sample's seven counts, in the order of the output regi
 )
 _REGISTERS = 128
 _OUTPUT_BYTES = 14
-_MAX_BACKLOG = FIFO_BYTES // 2  # samples of the shortest kind that the FIFO can hold; older ones leave no trace
+_SHORTEST_FRAME_BYTES = 2
+_FIFO_SIZES = (512, 1024, 2048, 4096)  # by ACCEL_CONFIG_2 bits 7:6, where the chip has that choice
 
 
 class Mpu6050Chip:
-    """One simulated chip, powered since its making and asleep like a real one.
+    """One simulated chip, powered since its making and as a real one is after a reset: an MPU-6050 is asleep.
 
-    `motion` is the truth, `unit` this chip's errors, `clock` the host's monotonic nanoseconds: whatever is read
-    reflects the samples complete at that instant. For one thread at a time. `who_am_i` may be changed while it runs.
+    `who_am_i` chooses which of `drivers.mpu6050_chips` it is; any other value makes an MPU-6050 that answers so.
+    Changed while it runs, it changes the answer alone. `motion` is the truth, `unit` this chip's errors, `clock` the
+    host's monotonic nanoseconds: whatever is read reflects the samples complete at that instant. `distortion`, which
+    may also change, turns the counts (n, 7) of the signal chain into those shown. For one thread at a time.
     """
+
+    distortion: Callable[[NDArray[np.int16]], NDArray[np.int16]] | None = None
 
     def __init__(
         self, motion: Motion, unit: ChipUnit, clock: Callable[[], int], seed: int, who_am_i: int = MPU6050_WHO_AM_I
     ) -> None:
         self.who_am_i = who_am_i
+        self._model = CHIPS.get(who_am_i, CHIPS[MPU6050_WHO_AM_I])
+        self._max_backlog = self._model.fifo_bytes // _SHORTEST_FRAME_BYTES  # older samples leave no trace
         self._motion = motion
         self._unit = unit
         self._clock = clock
         self._rng = np.random.default_rng(seed)
-        self._edges: deque[int] = deque(maxlen=_MAX_BACKLOG)
+        self._edges: deque[int] = deque(maxlen=self._max_backlog)
         self._held = b""
+        self._clock_factor = 1.0
         self._reset()
 
     # The bus's side: a write sets the register pointer, then registers; a read continues from the pointer.
@@ -109,11 +122,23 @@ class Mpu6050Chip:
     # The rig's side
 
     def take_edges(self) -> list[int]:
-        """Return the instants of the INT pin's edges since the last call, oldest first; the newest 512 are kept."""
+        """Return the instants of the INT pin's edges since the last call, oldest first.
+
+        The newest are kept, as many as the FIFO has room for samples of one value: 512 in an MPU-6050.
+        """
         self._advance()
         edges = list(self._edges)
         self._edges.clear()
         return edges
+
+    def next_edge_ns(self) -> int | None:
+        """Return when the INT pin will next rise if no register is touched meanwhile; None if it will not."""
+        self._advance()
+        if self._chain is None or not self._registers[Register.INT_ENABLE] & Interrupt.DATA_READY:
+            return None
+        if self._registers[Register.INT_PIN_CFG] & InterruptPin.LATCHED and self._interrupts & Interrupt.DATA_READY:
+            return None
+        return int(self._chain.sample_times_ns(self._completed + 1, self._completed + 1)[0])
 
     @property
     def period_ns(self) -> float:
@@ -124,20 +149,27 @@ class Mpu6050Chip:
         """Lose power for a moment: all registers at their reset values, asleep, no error on the bus."""
         self._reset()
 
+    def set_clock(self, factor: float) -> None:
+        """Let the chip's clock run `factor` times as fast as the unit's own from the next sample on."""
+        change, self._clock_factor = factor / self._clock_factor, factor
+        if self._chain is not None:
+            self._chain.change_clock(change, self._completed)
+
     def freeze(self, frozen: bool = True) -> None:
         """Hold (or release) the sensor values while all else goes on: a hung signal chain that no reset wakes."""
         self._held = self._outputs if frozen else b""
 
     def _reset(self) -> None:
         self._registers = bytearray(_REGISTERS)
-        self._registers[Register.PWR_MGMT_1] = Power.SLEEP
+        self._registers[Register.PWR_MGMT_1] = self._model.power_at_reset
+        for register, code in self._unit.trim_codes.registers(self._model).items():
+            self._registers[register] = code
         self._outputs = bytes(_OUTPUT_BYTES)
         self._fifo = bytearray()
         self._last_fifo_byte = 0
         self._interrupts = 0
         self._pointer = 0
-        self._chain: SignalChain | None = None
-        self._completed = 0
+        self._restart_signal()
 
     def _increment_pointer(self) -> None:
         if self._pointer != Register.FIFO_R_W:
@@ -165,28 +197,50 @@ class Mpu6050Chip:
             return
         if register == Register.USER_CTRL and value & UserControl.FIFO_RESET and not value & UserControl.FIFO_EN:
             self._fifo.clear()
+        if register not in _WRITABLE_BITS or (register == Register.ACCEL_CONFIG_2 and not self._model.has_accel_filter):
+            return
         before = self._registers[register]
-        self._registers[register] = value & _WRITABLE_BITS.get(register, 0)
+        self._registers[register] = value & _WRITABLE_BITS[register]
         if register in _SIGNAL_REGISTERS and self._registers[register] != before:
             self._restart_signal()
 
     def _restart_signal(self) -> None:
         """Begin sampling anew, now, with the registers as they are."""
         power = self._registers[Register.PWR_MGMT_1]
-        filter_row = FILTER_ROWS.get(self._registers[Register.CONFIG] & 0x07)
+        rows = self._model.filter_rows
+        gyro_row = rows.get(self._registers[Register.CONFIG] & 0x07)
+        accel_row = (
+            rows.get(self._registers[Register.ACCEL_CONFIG_2] & 0x07) if self._model.has_accel_filter else gyro_row
+        )
         gain = _CLOCK_ERROR_GAIN.get(power & _CLOCK_SOURCE)
-        self._chain = None
+        self._chain: SignalChain | None = None
         self._completed = 0
-        if power & Power.SLEEP or gain is None or filter_row is None:
+        if power & Power.SLEEP or gain is None or gyro_row is None or accel_row is None:
             return
+        push_sf_mps2, push_w_radps = self._pushes()
         settings = SignalSettings(
-            filter_row=filter_row,
+            model=self._model,
+            accel_row=accel_row,
+            gyro_row=gyro_row,
             accel_range=list(ACCEL_RANGES.values())[self._registers[Register.ACCEL_CONFIG] >> 3 & 0x03],
             gyro_range=list(GYRO_RANGES.values())[self._registers[Register.GYRO_CONFIG] >> 3 & 0x03],
             divider=self._registers[Register.SMPLRT_DIV],
+            push_sf_mps2=push_sf_mps2,
+            push_w_radps=push_w_radps,
+            standby=_bits(self._registers[Register.PWR_MGMT_2], 5, 6),
         )
         clock_error = gain * self._unit.clock_error
         self._chain = SignalChain(self._motion, self._unit, settings, self._clock(), clock_error, self._rng)
+        self._chain.change_clock(self._clock_factor, completed=0)
+
+    def _pushes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the self-test's push (3,) on the accelerometer, in m/s², and (3,) on the gyroscope, in rad/s."""
+        accel_range, gyro_range = ranges_under_test(self._model)
+        response_lsb = np.array(factory_trim_lsb(self._model, self._unit.trim_codes)) * self._unit.push_share
+        accel_lsb = np.where(_bits(self._registers[Register.ACCEL_CONFIG], 7, 3), response_lsb[:3], 0.0)
+        gyro_lsb = np.where(_bits(self._registers[Register.GYRO_CONFIG], 7, 3), response_lsb[3:], 0.0)
+        sf_mps2 = accel_lsb / accel_range.lsb_per_unit * STANDARD_GRAVITY_MPS2
+        return sf_mps2, np.deg2rad(gyro_lsb / gyro_range.lsb_per_unit)
 
     def _advance(self) -> None:
         """Let the samples happen that have become complete since the last look."""
@@ -195,11 +249,13 @@ class Mpu6050Chip:
         completed = self._chain.completed_at(self._clock())
         if completed == self._completed:
             return
-        if completed - self._completed > _MAX_BACKLOG:
-            self._chain.skip(completed - _MAX_BACKLOG - self._completed)
-            self._completed = completed - _MAX_BACKLOG
+        if completed - self._completed > self._max_backlog:
+            self._chain.skip(completed - self._max_backlog - self._completed)
+            self._completed = completed - self._max_backlog
         counts = self._chain.take(completed - self._completed)
         first, self._completed = self._completed + 1, completed
+        if self.distortion is not None:
+            counts = self.distortion(counts)
         if self._held:
             counts = np.tile(np.frombuffer(self._held, dtype=">i2"), (len(counts), 1))
         self._outputs = counts[-1].astype(">i2").tobytes()
@@ -212,9 +268,14 @@ class Mpu6050Chip:
         enabled = self._registers[Register.FIFO_EN]
         columns = [column for bit, group in _FIFO_COLUMNS if enabled & bit for column in group]
         self._fifo += counts[:, columns].astype(">i2").tobytes()
-        if len(self._fifo) > FIFO_BYTES:
-            del self._fifo[:-FIFO_BYTES]
+        if len(self._fifo) > self._fifo_bytes():
+            del self._fifo[: -self._fifo_bytes()]
             self._interrupts |= Interrupt.FIFO_OVERFLOW & self._registers[Register.INT_ENABLE]
+
+    def _fifo_bytes(self) -> int:
+        if self._model.accel_config_2:
+            return _FIFO_SIZES[self._registers[Register.ACCEL_CONFIG_2] >> 6]
+        return self._model.fifo_bytes
 
     def _pop_fifo(self) -> int:
         if self._fifo:
@@ -229,3 +290,8 @@ class Mpu6050Chip:
             edges = [] if self._interrupts & Interrupt.DATA_READY else edges[:1]
         self._edges.extend(edges)
         self._interrupts |= Interrupt.DATA_READY
+
+
+def _bits(value: int, highest: int, count: int) -> NDArray[np.bool_]:
+    """Return `count` bits from bit `highest` downwards."""
+    return np.array([value >> (highest - place) & 1 for place in range(count)], dtype=np.bool_)

@@ -7,14 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import bilinear, lfilter, lfilter_zi
 
-from drivers.mpu6050_registers import (
-    INTERNAL_RATE_HZ,
-    STANDARD_GRAVITY_MPS2,
-    TEMPERATURE_AT_ZERO_DEGC,
-    TEMPERATURE_LSB_PER_DEGC,
-    FilterRow,
-    RangeRow,
-)
+from drivers.mpu6050_chips import ChipModel, FilterRow
+from drivers.mpu6050_registers import INTERNAL_RATE_HZ, STANDARD_GRAVITY_MPS2, RangeRow
 from sim_rig.imu.chip_unit import ChipUnit
 
 Floats = NDArray[np.float64]
@@ -26,6 +20,7 @@ It must depend on the time alone: it is asked in blocks, up to LOOK_AHEAD_S befo
 
 LOOK_AHEAD_S = 0.1
 _COUNT_LIMITS = (-32768, 32767)
+_AXIS_COLUMNS = np.array([0, 1, 2, 4, 5, 6])
 
 
 def low_pass(bandwidth_hz: float, delay_s: float, rate_hz: float) -> tuple[Floats, Floats]:
@@ -64,12 +59,21 @@ class _Filter:
 
 @dataclass(frozen=True)
 class SignalSettings:
-    """What the chip's registers ask of its signal chain."""
+    """What the chip's registers ask of its signal chain.
 
-    filter_row: FilterRow
+    `accel_row` and `gyro_row` are the filters in use, the same one in an MPU-6050. `push_sf_mps2` and `push_w_radps`
+    (3,) are what the self-test adds to the axes it is on for; axes on `standby` (6,), accelerometer first, give 0.
+    """
+
+    model: ChipModel
+    accel_row: FilterRow
+    gyro_row: FilterRow
     accel_range: RangeRow
     gyro_range: RangeRow
     divider: int
+    push_sf_mps2: NDArray[np.float64]
+    push_w_radps: NDArray[np.float64]
+    standby: NDArray[np.bool_]
 
 
 class SignalChain:
@@ -87,21 +91,25 @@ class SignalChain:
         clock_error: float,
         rng: np.random.Generator,
     ) -> None:
-        row = settings.filter_row
+        accel_row, gyro_row = settings.accel_row, settings.gyro_row
+        rate_hz = gyro_row.rate_hz
         self._motion = motion
         self._unit = unit
-        self._divider = settings.divider
+        self._settings = settings
         self._epoch_ns = epoch_ns
         self._rng = rng
-        self._tick_ns = 1e9 / (row.rate_hz * (1.0 + clock_error))
-        self._accel_hold = row.rate_hz // INTERNAL_RATE_HZ
-        self._accel_filter = _Filter(*low_pass(row.accel_bandwidth_hz, row.accel_delay_s, row.rate_hz))
-        self._gyro_filter = _Filter(*low_pass(row.gyro_bandwidth_hz, row.gyro_delay_s, row.rate_hz))
-        self._accel_noise = unit.sf_noise_density * np.sqrt(row.rate_hz / 2.0)
-        self._gyro_noise = unit.w_noise_density * np.sqrt(row.rate_hz / 2.0)
+        self._tick_ns = 1e9 / (rate_hz * (1.0 + clock_error))
+        self._accel_hold = rate_hz // INTERNAL_RATE_HZ
+        self._accel_filter = _Filter(*low_pass(accel_row.accel_bandwidth_hz, accel_row.accel_delay_s, rate_hz))
+        self._gyro_filter = _Filter(*low_pass(gyro_row.gyro_bandwidth_hz, gyro_row.gyro_delay_s, rate_hz))
+        self._accel_noise = unit.sf_noise_density * np.sqrt(rate_hz / 2.0)
+        self._gyro_noise = unit.w_noise_density * np.sqrt(rate_hz / 2.0)
         self._lsb_per_mps2 = settings.accel_range.lsb_per_unit / STANDARD_GRAVITY_MPS2
         self._lsb_per_radps = settings.gyro_range.lsb_per_unit * 180.0 / np.pi
-        self._temperature = np.rint((unit.temperature_degC - TEMPERATURE_AT_ZERO_DEGC) * TEMPERATURE_LSB_PER_DEGC)
+        model = settings.model
+        self._temperature = np.rint(
+            (unit.temperature_degC - model.temperature_at_zero_degC) * model.temperature_lsb_per_degC
+        )
         self._samples = 0
         self._ready = np.empty((0, 7), dtype=np.int16)
         self._held_sf: Floats | None = None
@@ -109,7 +117,7 @@ class SignalChain:
     @property
     def period_ns(self) -> float:
         """Return the true period of the output samples."""
-        return self._tick_ns * (1 + self._divider)
+        return self._tick_ns * (1 + self._settings.divider)
 
     def completed_at(self, t_ns: int) -> int:
         """Return how many samples are complete at `t_ns`."""
@@ -119,6 +127,12 @@ class SignalChain:
         """Return the instants (n,) at which the samples `first` to `last` are complete."""
         since_epoch: NDArray[np.int64] = np.rint(np.arange(first, last + 1) * self.period_ns).astype(np.int64)
         return self._epoch_ns + since_epoch
+
+    def change_clock(self, factor: float, completed: int) -> None:
+        """Run `factor` times as fast after sample `completed`; what is ready by then stays as it is."""
+        before_ns = self.period_ns
+        self._tick_ns /= factor
+        self._epoch_ns += round(completed * (before_ns - self.period_ns))
 
     def take(self, n: int) -> NDArray[np.int16]:
         """Return the counts (n, 7) of the next `n` samples: accelerometer xyz, temperature, gyroscope xyz."""
@@ -138,13 +152,14 @@ class SignalChain:
             self._gyro_filter.settle_anew()
 
     def _next_block(self, n: int) -> NDArray[np.int16]:
-        ticks_per_sample = 1 + self._divider
+        ticks_per_sample = 1 + self._settings.divider
         ticks = self._samples * ticks_per_sample + np.arange(1, n * ticks_per_sample + 1)
         t_ns = self._epoch_ns + np.rint(ticks * self._tick_ns).astype(np.int64)
         sf_B, w_B = self._motion(t_ns)
         unit = self._unit
-        measured_sf = sf_B @ unit.sf_matrix.T + unit.sf_bias_mps2
+        measured_sf = sf_B @ unit.sf_matrix.T + unit.sf_bias_mps2 + self._settings.push_sf_mps2
         measured_w = w_B @ unit.w_matrix.T + unit.w_bias_radps + sf_B @ unit.g_sensitivity.T
+        measured_w += self._settings.push_w_radps
         measured_sf += self._accel_noise * self._rng.standard_normal(measured_sf.shape)
         measured_w += self._gyro_noise * self._rng.standard_normal(measured_w.shape)
         sf = self._hold(self._accel_filter(measured_sf), ticks)
@@ -155,6 +170,7 @@ class SignalChain:
         counts[:, 0:3] = sf[at_samples] * self._lsb_per_mps2
         counts[:, 3] = self._temperature
         counts[:, 4:7] = w[at_samples] * self._lsb_per_radps
+        counts[:, _AXIS_COLUMNS[self._settings.standby]] = 0.0
         return np.clip(np.rint(counts), *_COUNT_LIMITS).astype(np.int16)
 
     def _hold(self, sf: Floats, ticks: NDArray[np.int64]) -> Floats:

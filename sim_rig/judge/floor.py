@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.asl_folder import TruthTrack
-from messages import Calibration, GroundPlane, Status, StereoFrame
+from messages import Frame, GroundPlane, Status, UnitCalibration
 from perception import so3
 from perception.foothold import FootholdSettings
 from perception.ground_estimator import GroundEstimator
@@ -41,10 +41,10 @@ class FloorScore(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def score_floor(
-    frames: Iterable[StereoFrame],
+    frames: Iterable[Frame],
     grounds: Sequence[GroundPlane],
     track: TruthTrack,
-    calibration: Calibration,
+    calibration: UnitCalibration,
     foothold: FootholdSettings,
 ) -> dict[str, FloorScore]:
     """Return the scores of `grounds` (attitude from the IMU) and of the same frames with the true attitude."""
@@ -57,7 +57,7 @@ def score_floor(
         if pose is None:
             continue
         R_WB, p_WB = pose
-        height_m = float((p_WB + R_WB @ np.array(calibration.X_BL.p_m))[2])
+        height_m = float((p_WB + R_WB @ np.array(calibration.X_BE.p_m))[2])
         true.append((estimator.estimate(frame, R_WB, (0.0, 0.0, 0.0), np.zeros((3, 3))), height_m))
         ground = by_time.get(frame.header.t_exposure_ns)
         if ground is not None:

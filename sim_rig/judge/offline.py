@@ -1,13 +1,17 @@
 """A simulated walk through the pipeline faster than real time: the same driver, messages and pipeline, no threads."""
 
 from daemon.pipeline import Pipeline
-from messages import GroundPlane
+from messages import GroundPlane, UserError
 from perception.foothold import FootholdSettings
+from sim_rig.depth_wearer import DepthWearer
 from sim_rig.judge.score import Scoreboard
 from sim_rig.walk.scenario import Pace, scenario
 from sim_rig.wearer import SimulatedWearer
 
 _START_NS = 10_000_000_000
+
+CAMERAS: dict[str, type[SimulatedWearer] | type[DepthWearer]] = {"stereo": SimulatedWearer, "depth": DepthWearer}
+"""Who wears which kind of camera."""
 
 
 def score_walk(
@@ -17,9 +21,15 @@ def score_walk(
     *,
     pace: Pace | None = None,
     perfect_calibration: bool = False,
+    camera: str = "stereo",
 ) -> Scoreboard:
-    """Return the errors of `seconds` of one unit's walk, with their ground."""
-    wearer = SimulatedWearer(seed, scenario(scenario_name, pace), _START_NS, perfect_calibration)
+    """Return the errors of `seconds` of one unit's walk with a kind of camera in CAMERAS, with their ground.
+
+    Raises UserError for any other kind.
+    """
+    if camera not in CAMERAS:
+        raise UserError(f"camera is '{camera}', known are {', '.join(CAMERAS)}")
+    wearer = CAMERAS[camera](seed, scenario(scenario_name, pace), _START_NS, perfect_calibration)
     foothold = FootholdSettings()
     pipeline = Pipeline(wearer.calibration, foothold)
     board = Scoreboard()

@@ -91,7 +91,7 @@ def compare_floor(pair: RealPair) -> FloorComparison:
     s, c = np.sin(NOMINAL_PITCH_RAD), np.cos(NOMINAL_PITCH_RAD)
     R_HC = np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
     meter = GroundMeter(pair.calibration, Residual())
-    measured = meter.measure(pair.left, pair.right, R_HC, np.zeros(3), 0.0, FLOOR, None)
+    measured = meter.measure((pair.left, pair.right), R_HC, np.zeros(3), 0.0, FLOOR, None)
     if measured.fit is None:
         raise ValueError(f"no floor in the pair: {measured.reason.value}")
     true = _true_floor(pair, R_HC)

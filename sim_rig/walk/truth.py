@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from messages import GroundTruth, StereoCalibration
+from messages import GroundTruth, Pose, StereoCalibration
 from perception.rectify import intrinsics
-from sim_rig.unit import Unit
 from sim_rig.walk.gait import Gait
 from sim_rig.walk.world import World
 
@@ -19,28 +18,28 @@ FloatArray = NDArray[np.float64]
 class TruthSource:
     """Truth for one unit on one walk.
 
-    H's x is the horizontal projection of the rectified left camera's optical axis, where rectification is that of
-    cv2.stereoRectify (zero disparity at infinity, alpha 0) on the unit's true cameras.
+    `X_BE` is the true pose of the camera E whose optical centre is the origin of H; H's x is the horizontal
+    projection of the axis `axis_E` (3,).
     """
 
-    def __init__(self, unit: Unit, world: World, gait: Gait) -> None:
+    def __init__(self, X_BE: Pose, axis_E: FloatArray, world: World, gait: Gait) -> None:
         self._world = world
         self._gait = gait
-        self._p_BL_m = np.array(unit.X_BL.p_m)
-        self._axis_B = np.array(unit.X_BL.R) @ _rectified_axis_L(unit.stereo)
+        self._p_BE_m = np.array(X_BE.p_m)
+        self._axis_B = np.array(X_BE.R) @ axis_E
 
     def at(self, t_ns: int, stamp_ns: int, ahead_m: float, half_length_m: float) -> GroundTruth:
         """Return the truth at the true instant `t_ns`, under the name `stamp_ns` that the frame goes by.
 
         The foothold is `ahead_m` along x of H, its region reaches `half_length_m` before and behind. The plane is
-        the one under the foothold, `height_m` that plane's distance straight below the left optical centre.
+        the one under the foothold, `height_m` that plane's distance straight below the optical centre.
         """
         motion = self._gait.at(np.array([t_ns]))
         R_WB = motion.R_WB[0]
-        p_WL = motion.p_WB_m[0] + R_WB @ self._p_BL_m
+        p_WE = motion.p_WB_m[0] + R_WB @ self._p_BE_m
         axis_W = R_WB @ self._axis_B
         cos_heading, sin_heading = axis_W[:2] / np.hypot(axis_W[0], axis_W[1])
-        foothold_x_m = p_WL[0] + ahead_m * cos_heading
+        foothold_x_m = p_WE[0] + ahead_m * cos_heading
         reach_m = half_length_m * abs(cos_heading)
         ground = self._world.segment_at(foothold_x_m)
         gradient = math.tan(ground.slope_rad)
@@ -49,7 +48,7 @@ class TruthSource:
             t_exposure_ns=stamp_ns,
             slope_sagittal_rad=math.atan(gradient * cos_heading),
             slope_frontal_rad=math.atan(-gradient * sin_heading),
-            height_m=float(p_WL[2] - ground.height_at(p_WL[0])),
+            height_m=float(p_WE[2] - ground.height_at(p_WE[0])),
             q_WB=(w, x, y, z),
             kind=ground.kind,
             transition=self._world.has_edge(foothold_x_m - reach_m, foothold_x_m + reach_m),
@@ -57,8 +56,11 @@ class TruthSource:
         )
 
 
-def _rectified_axis_L(stereo: StereoCalibration) -> FloatArray:
-    """Return the optical axis of the rectified left camera, (3,), in the raw left camera."""
+def rectified_axis_L(stereo: StereoCalibration) -> FloatArray:
+    """Return the optical axis of the rectified left camera, (3,), in the raw left camera.
+
+    Rectification is that of cv2.stereoRectify: zero disparity at infinity, alpha 0.
+    """
     R_CL = cv2.stereoRectify(
         intrinsics(stereo.left),
         np.array(stereo.left.distortion),

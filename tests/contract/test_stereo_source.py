@@ -1,4 +1,4 @@
-"""What every StereoSource does, whatever stands behind it. A new source joins by one line in BENCHES."""
+"""What every FrameSource, stereo or depth, does, whatever stands behind it. A new one joins by a line in BENCHES."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -8,10 +8,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from drivers.protocols import DeviceError, StereoSource
+from drivers.protocols import DeviceError, FrameSource
 from drivers.v4l2 import V4l2StereoCamera
-from messages import DropCause, StereoFrame
+from drivers.v4l2_depth import V4l2DepthCamera
+from drivers.zed import ZedCamera
+from messages import DepthFrame, DropCause, Frame
 from sim_rig.camera.v4l2_node import ManualClock, Mode, V4l2Node, stepping_card
+from sim_rig.camera.zed_unit import ZedUnit
+from tests.v4l2_bench import HEIGHT, WIDTH, node, stepping_depth
+from tests.v4l2_pair_bench import cameras, jitter_s
 
 POOL_FRAMES = 4
 TIMEOUT_S = 1.0
@@ -24,7 +29,7 @@ class Bench:
     `pause` lets the source's time pass while nobody reads. `unplug` and `plug_in` are None where a source cannot fail.
     """
 
-    source: StereoSource
+    source: FrameSource
     size_px: tuple[int, int]
     pause: Callable[[float], None]
     unplug: Callable[[], None] | None = None
@@ -40,7 +45,38 @@ def v4l2_bench() -> Bench:
     return Bench(source, (width_px, height_px), node.sleep, node.unplug, node.plug_in)
 
 
-BENCHES: dict[str, Callable[[], Bench]] = {"v4l2": v4l2_bench}
+def v4l2_depth_bench() -> Bench:
+    width_px, height_px = 96, 40
+    mode = Mode("Z16 ", width_px, height_px)
+    node = V4l2Node(stepping_depth(width_px, height_px), ManualClock(), modes=(mode,), row_padding=8)
+    source = V4l2DepthCamera("/dev/video0", width_px, height_px, pool_frames=POOL_FRAMES, kernel=node)
+    return Bench(source, (width_px, height_px), node.sleep, node.unplug, node.plug_in)
+
+
+def v4l2_pair_bench() -> Bench:
+    both = cameras(
+        {"phase_ns": 3_000_000, "stamp_jitter_s": jitter_s(1, 0.0002)},
+        {"phase_ns": 3_400_000, "stamp_jitter_s": jitter_s(2, 0.0002), "startup_s": 0.12, "transfer_s": 0.011},
+    )
+    return Bench(
+        both.pair(pool_frames=POOL_FRAMES), (WIDTH, HEIGHT), both.machine.sleep, both.right.unplug, both.right.plug_in
+    )
+
+
+def zed_bench() -> Bench:
+    kernel = node(zed=ZedUnit())
+    source = ZedCamera(
+        kernel.path, WIDTH, HEIGHT, exposure_s=0.004, gain_percent=20.0, pool_frames=POOL_FRAMES, kernel=kernel
+    )
+    return Bench(source, (WIDTH, HEIGHT), kernel.sleep, kernel.unplug, kernel.plug_in)
+
+
+BENCHES: dict[str, Callable[[], Bench]] = {
+    "v4l2": v4l2_bench,
+    "v4l2 depth": v4l2_depth_bench,
+    "v4l2 pair": v4l2_pair_bench,
+    "zed": zed_bench,
+}
 
 
 @pytest.fixture(params=list(BENCHES.values()), ids=list(BENCHES))
@@ -50,21 +86,21 @@ def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     made.source.close()
 
 
-def read(bench: Bench) -> StereoFrame:
+def read(bench: Bench) -> Frame:
     frame = bench.source.read(TIMEOUT_S)
     assert frame is not None
     return frame
 
 
-def test_a_frame_is_two_grey_images_of_the_size_its_header_tells(bench: Bench) -> None:
+def test_a_frame_is_two_grey_images_or_one_of_depth_of_the_size_its_header_tells(bench: Bench) -> None:
     frame = read(bench)
     assert (frame.header.width_px, frame.header.height_px) == bench.size_px
-    for image in (frame.left, frame.right):
+    for image in frame.images:
         assert image.shape == (frame.header.height_px, frame.header.width_px)
-        assert image.dtype == np.uint8
+        assert image.dtype == (np.uint16 if isinstance(frame, DepthFrame) else np.uint8)
         assert image.flags.c_contiguous
-        assert np.ptp(image) > 0
-    assert not np.array_equal(frame.left, frame.right)
+        assert image.max() > image.min()
+    assert isinstance(frame, DepthFrame) or not np.array_equal(frame.left, frame.right)
     assert math.isnan(frame.header.exposure_s) or frame.header.exposure_s > 0.0
 
 
@@ -80,16 +116,16 @@ def test_frames_come_twenty_a_second_in_order(bench: Bench) -> None:
 
 def test_a_frame_owns_its_pixels(bench: Bench) -> None:
     first = read(bench)
-    copies = first.left.copy(), first.right.copy()
+    copies = [image.copy() for image in first.images]
     second = read(bench)
-    for image in (first.left, first.right):
+    for image in first.images:
         assert not image.flags.writeable
-        assert not any(np.shares_memory(image, other) for other in (second.left, second.right))
+        assert not any(np.shares_memory(image, other) for other in second.images)
     del second
     for _ in range(3 * POOL_FRAMES):
         read(bench)
-    np.testing.assert_array_equal(first.left, copies[0])
-    np.testing.assert_array_equal(first.right, copies[1])
+    for image, copy in zip(first.images, copies, strict=True):
+        np.testing.assert_array_equal(image, copy)
 
 
 def test_no_frame_comes_twice_and_none_before_its_time(bench: Bench) -> None:
@@ -142,7 +178,7 @@ def test_a_device_that_goes_is_an_error_and_may_come_back(bench: Bench) -> None:
 
 def test_closing_twice_does_no_harm_and_leaves_frames_alone(bench: Bench) -> None:
     frame = read(bench)
-    left = frame.left.copy()
+    before = frame.images[0].copy()
     bench.source.close()
     bench.source.close()
-    np.testing.assert_array_equal(frame.left, left)
+    np.testing.assert_array_equal(frame.images[0], before)

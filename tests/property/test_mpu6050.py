@@ -58,3 +58,44 @@ def test_whatever_the_pauses_every_sample_is_delivered_or_counted(
     assert sum(lost) == bench.imu.counters.lost == lost_by_truth(bench, samples)
     assert [sample.seq for sample in samples] == list(np.cumsum(np.array(lost) + 1))
     assert bench.imu.counters.resets == 0
+
+
+line_events = st.lists(
+    st.tuples(st.sampled_from(["lose", "cut", "mend", "away", "back", "pause", "drift", "none"]), st.floats(0.0, 1.0)),
+    min_size=1,
+    max_size=6,
+)
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(
+    unit=units,
+    clock_error=st.floats(-0.03, 0.03),
+    late_share=st.floats(0.0, 0.3),
+    events=line_events,
+    seed=st.integers(0, 1000),
+)
+def test_whatever_becomes_of_the_line_no_sample_is_lost_unseen_and_no_stamp_runs_backwards(
+    unit: ChipUnit, clock_error: float, late_share: float, events: list[tuple[str, float]], seed: int
+) -> None:
+    bench = ImuBench(unit=dataclasses.replace(unit, clock_error=clock_error), with_line=True, seed=seed).opened()
+    bench.line.late_share = late_share
+    samples = bench.follow(3.0)
+    for event, share in events:
+        if event == "lose":
+            bench.line.lose(round(20 * share))
+        elif event in ("cut", "mend"):
+            bench.line.cut(event == "cut")
+        elif event in ("away", "back"):
+            bench.line.take_away(event == "away")
+        elif event == "pause":
+            bench.pause(2.0 * share)
+        elif event == "drift":
+            bench.chip.set_clock(1.0 + 2e-4 * (share - 0.5))
+        samples += bench.follow(1.5)
+    lost = [sample.lost_before for sample in samples]
+    assert sum(lost) == bench.imu.counters.lost == lost_by_truth(bench, samples)
+    assert [sample.seq for sample in samples] == list(np.cumsum(np.array(lost) + 1))
+    assert np.all(np.diff([sample.t_sample_ns for sample in samples]) > 0)
+    assert np.max(np.abs(bench.stamp_errors_s(samples[100:]))) < 1.5e-3
+    assert bench.imu.counters.resets == 0

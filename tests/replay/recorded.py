@@ -12,6 +12,7 @@ from daemon.recording_file import Recordable
 from messages import (
     AnkleState,
     Attitude,
+    DepthFrame,
     DeviceCounters,
     DropCause,
     DroppedFrame,
@@ -67,6 +68,11 @@ def header(seq: int, t_ns: int, width_px: int = 32, height_px: int = 20) -> Fram
 def frame(seq: int, t_ns: int, width_px: int = 32, height_px: int = 20) -> StereoFrame:
     pixels = np.random.default_rng(seq).integers(0, 256, (2, height_px, width_px), dtype=np.uint8)
     return StereoFrame(header=header(seq, t_ns, width_px, height_px), left=pixels[0], right=pixels[1])
+
+
+def depth_frame(seq: int, t_ns: int, width_px: int = 32, height_px: int = 20) -> DepthFrame:
+    steps = np.random.default_rng(seq).integers(0, 65536, (height_px, width_px), dtype=np.uint16)
+    return DepthFrame(header=header(seq, t_ns, width_px, height_px), depth=steps)
 
 
 def ground(seq: int, t_ns: int) -> GroundPlane:
@@ -158,6 +164,8 @@ def facts(message: object) -> object:
     """What a message says, comparable: NaN equals NaN, pixels by value."""
     if isinstance(message, StereoFrame):
         return "StereoFrame", facts(message.header), message.left.tolist(), message.right.tolist()
+    if isinstance(message, DepthFrame):
+        return "DepthFrame", facts(message.header), message.depth.tolist()
     assert isinstance(message, msgspec.Struct)
     return type(message).__name__, repr(message)
 

@@ -44,9 +44,9 @@ def heard(bus: can.BusABC, receiver: GroundReceiver) -> list[ReceivedGround]:
 
 
 def test_a_standing_wearer_is_heard_on_can_and_an_unplugged_camera_falls_silent(wearer: SimulatedWearer) -> None:
-    # one picture for all frames: a wearer who stands sways by millimetres
-    frame, truth = next(iter(wearer.frames(1)))
-    node = V4l2Node(lambda _frame: (frame.left, frame.right), LinuxKernel())
+    # two pictures by turns, of which every third is taken: a wearer who stands sways by millimetres
+    (one, truth), (other, _) = wearer.frames(2)
+    node = V4l2Node(lambda frame: (other.left, other.right) if frame % 2 else (one.left, one.right), LinuxKernel())
     imu = Mpu6050(wearer.imu_bus, settings=Mpu6050Settings())
     imu.open()
     stereo = wearer.calibration.stereo

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -62,3 +63,19 @@ def test_attitudes_in_retrospect_are_right_and_do_not_reach_across_a_gap() -> No
     truth_R_WB = after.R_WB[int(np.searchsorted(after.t_ns, before_ns))]
     error = tilt_errors_W(so3.matrix_from_quaternion(past.q_WB)[np.newaxis], truth_R_WB[np.newaxis])[0]
     assert np.degrees(np.linalg.norm(error)) < 6.0
+
+
+def test_what_contradicted_is_forgotten_back_to_what_was_kept() -> None:
+    track, motion = AttitudeTrack(CALIBRATION), hip_motion([(2.0, 12.0)], 12.0, seed=3)
+    for second in range(7):
+        felt(track, motion.between(float(second), second + 1.0))
+        track.keep()
+    wrong = motion.between(7.0, 9.0)
+    felt(track, replace(wrong, sf_B=wrong.sf_B * (-1.0, 1.0, 1.0)))
+    track.forget()
+    after = motion.between(9.0, 11.0)
+    attitudes = felt(track, after)
+    valid = next(k for k, attitude in enumerate(attitudes) if attitude.status is Status.VALID)
+    assert 0 < valid <= 150
+    q_WB = [so3.matrix_from_quaternion(attitude.q_WB) for attitude in attitudes[valid:]]
+    assert np.degrees(np.abs(tilt_errors_W(np.array(q_WB), after.R_WB[valid:])).max()) < 6.0

@@ -175,6 +175,7 @@ def test_nan_and_infinity_are_refused_in_every_number(data: st.DataObject) -> No
 
 def test_the_sample_is_read_with_numbers_as_people_write_them() -> None:
     calibration = parse_calibration(DOCUMENT, "sample")
+    assert isinstance(calibration, Calibration)
     assert calibration.stereo.row_time_s == 22e-6
     assert calibration.imu.w_bias_radps == (0.01, 2e-3, -1e-3)
     assert calibration.stereo.left.distortion[2] == 1e-4

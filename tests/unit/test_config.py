@@ -5,14 +5,18 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from daemon.config import Configuration, format_configuration, load_configuration, parse_configuration
+from daemon.config import CameraConfig, Configuration, format_configuration, load_configuration, parse_configuration
 from drivers.can_bus import CanInterface
 from messages import UserError
 from perception.foothold import FootholdSettings
 
 
 def test_defaults_survive_writing_and_reading() -> None:
-    configuration = Configuration(device="left-leg", foothold=FootholdSettings(ahead_m=0.8))
+    configuration = Configuration(
+        device="left-leg",
+        camera=CameraConfig(left="/dev/video0", right="/dev/video2"),
+        foothold=FootholdSettings(ahead_m=0.8),
+    )
     assert parse_configuration(format_configuration(configuration), "x") == configuration
 
 
@@ -27,6 +31,10 @@ def test_an_empty_file_is_the_defaults(tmp_path: Path) -> None:
     [
         ("[foothold]\nahead_m = 9.0", "f.toml: foothold.ahead_m is 9.0, allowed a number from 0.2 to 4"),
         ("[imu]\naddress = 5", "f.toml: imu.address is 5, allowed a whole number from 104 to 105"),
+        (
+            "[imu]\ndata_ready = 'gpiochip0 17'",
+            "f.toml: imu.data_ready is 'gpiochip0 17', allowed text like ^(/[^:]+:[0-9]{1,3})?$",
+        ),
         ("[imu]\nbus = 'one'", "f.toml: imu.bus is 'one', allowed a whole number from 0 to 255"),
         (
             "[can]\ninterface = 'lin'",
@@ -35,6 +43,24 @@ def test_an_empty_file_is_the_defaults(tmp_path: Path) -> None:
         ("[foothold]\nahed_m = 0.7", "f.toml: foothold.ahed_m is not a known field; did you mean 'ahead_m'?"),
         ("[fothold]\nahead_m = 0.7", "f.toml: fothold is not a known field; did you mean 'foothold'?"),
         ("device = 'a b'", "f.toml: device is 'a b', allowed text like ^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$"),
+        ("[camera]\nmax_skew_s = 1", "f.toml: camera.max_skew_s is 1, allowed a number from 0.0001 to 0.025"),
+        (
+            "[camera]\nexposure_s = 0.2\ngain_percent = 9",
+            "f.toml: camera.exposure_s is 0.2, allowed a number above 0 to 0.05",
+        ),
+        ("[camera]\nleft = '/dev/video0'", "f.toml: camera: left and right belong together: each eye needs its camera"),
+        (
+            "[camera]\nleft = '/dev/video0'\nright = '/dev/video0'",
+            "f.toml: camera: left and right are both /dev/video0: each eye needs its own camera",
+        ),
+        (
+            "[camera]\nexposure_s = 0.004",
+            "f.toml: camera: exposure_s and gain_percent belong together: fixing one ends the automatic of both",
+        ),
+        (
+            "[camera]\nleft = 'a'\nright = 'b'\nexposure_s = 0.004\ngain_percent = 9",
+            "f.toml: camera: exposure_s and gain_percent are a ZED's, not those of the two cameras left and right",
+        ),
     ],
 )
 def test_a_mistake_is_one_line_with_field_and_range(text: str, line: str) -> None:

@@ -58,7 +58,7 @@ def test_uniform_pictures_are_left_to_the_matcher() -> None:
 
 
 def test_stamps_from_the_future_or_of_long_ago_are_refused() -> None:
-    assert judged(FrameGuard(), [-1, LATENCY_NS, 200_000_000]) == [
+    assert judged(FrameGuard(), [-1, LATENCY_NS, 2_100_000_000]) == [
         Reason.TIME_INCONSISTENT,
         Reason.NONE,
         Reason.TIME_INCONSISTENT,
@@ -78,3 +78,22 @@ def test_after_a_silence_the_timing_is_learnt_anew() -> None:
     judged(guard, [LATENCY_NS] * 30)
     guard.interrupted()
     assert set(judged(guard, [LATENCY_NS - 20_000_000] * 5, seed=5)) == {Reason.NONE}
+
+
+def test_a_backlog_of_frames_that_arrive_together_teaches_nothing() -> None:
+    guard = FrameGuard()
+    arrival_ns = 10**12
+    backlog = [
+        FrameHeader(
+            seq=k,
+            t_exposure_ns=arrival_ns - LATENCY_NS - (24 - k) * PERIOD_NS,
+            t_arrival_ns=arrival_ns,
+            exposure_s=0.004,
+            width_px=64,
+            height_px=48,
+        )
+        for k in range(25)
+    ]
+    views = pictures(6, 25)
+    assert {guard.judge(late, view) for late, view in zip(backlog, views, strict=True)} == {Reason.NONE}
+    assert set(judged(guard, [LATENCY_NS] * 30, seed=7)) == {Reason.NONE}

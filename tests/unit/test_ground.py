@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from messages import Calibration, GroundPlane, GroundTruth, Reason, Status
-from perception.foothold import FootholdSettings, OutOfRangeError, view_of
+from perception.disparity import OutOfRangeError
+from perception.foothold import FootholdSettings
 from perception.ground_estimator import GroundEstimator
 from perception.plane import Plane
 from perception.rectify import Rectifier
+from perception.stereo_camera import view_of
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
@@ -102,7 +104,7 @@ def test_ground_nearer_than_the_search_can_match_is_out_of_range() -> None:
     R_HC = np.array([[0, -s, s], [-1, 0, 0], [0, -s, -s]])
     near = FootholdSettings(ahead_m=0.3, half_length_m=0.1)
     with pytest.raises(OutOfRangeError):
-        view_of(near.footprint(Plane((0.0, 0.0), 0.35), 0.2), R_HC, rectifier)
+        view_of(near.footprint(Plane((0.0, 0.0), 0.35), 0.2) @ R_HC, rectifier)
 
 
 def test_an_uncertain_attitude_makes_the_slope_about_its_axis_uncertain() -> None:

@@ -3,7 +3,17 @@
 import numpy as np
 
 from daemon.inbox import Inbox
-from messages import DropCause, DroppedFrame, FrameHeader, StereoFrame, Tick
+from messages import (
+    DropCause,
+    DroppedFrame,
+    FrameHeader,
+    LastingInput,
+    Load,
+    LoadLevel,
+    Reconfigured,
+    StereoFrame,
+    Tick,
+)
 
 
 def frame(seq: int) -> StereoFrame:
@@ -39,3 +49,17 @@ def test_a_full_inbox_lets_the_oldest_go_and_counts_it() -> None:
         inbox.put(Tick(t_ns=t))
     assert [inbox.get(0.0) for _ in range(3)] == [Tick(t_ns=t) for t in (2, 3, 4)]
     assert inbox.dropped == 2
+
+
+def test_a_decision_that_holds_is_never_given_up_for_room() -> None:
+    inbox = Inbox(capacity=3)
+    decisions: list[LastingInput] = [Reconfigured(t_ns=0, configuration=""), LoadLevel(t_ns=1, load=Load.REDUCED)]
+    for decision in decisions:
+        inbox.put(decision)
+    for t in range(5):
+        inbox.put(Tick(t_ns=t))
+    assert [inbox.get(0.0) for _ in range(4)] == [*decisions, Tick(t_ns=4), None]
+    assert inbox.dropped == 4
+    for t in range(5):
+        inbox.put(LoadLevel(t_ns=t, load=Load.NORMAL))
+    assert [inbox.get(0.0) for _ in range(4)] == [*(LoadLevel(t_ns=t, load=Load.NORMAL) for t in (2, 3, 4)), None]

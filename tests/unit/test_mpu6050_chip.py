@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from scipy.signal import freqz, group_delay
 from smbus2 import i2c_msg
 
+from drivers.mpu6050_chips import CHIPS, FilterRow
 from drivers.mpu6050_registers import (
     ACCEL_RANGES,
-    FILTER_ROWS,
     GYRO_RANGES,
     STANDARD_GRAVITY_MPS2,
-    FilterRow,
     RangeRow,
     Register,
 )
@@ -36,6 +35,7 @@ FIFO_ON, FIFO_RESET = 0x40, 0x04
 ALL_INTO_FIFO = 0xF8
 DATA_READY, OVERFLOW = 0x01, 0x10
 PERFECT = ChipUnit()
+FILTER_ROWS = CHIPS[0x68].filter_rows
 
 
 class Rig:

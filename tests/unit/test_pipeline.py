@@ -27,6 +27,7 @@ from messages import (
 )
 from messages.codec import encode_line
 from perception.foothold import FootholdSettings
+from perception.motion_watch import MotionWatch
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
@@ -221,3 +222,15 @@ def test_a_repeated_picture_is_no_ground(wearer: SimulatedWearer, inputs: list[I
     ]
     found = grounds(run(pipeline(wearer), frozen))
     assert [g.reason for g in found[31:]] == [Reason.FROZEN_FRAME] * (len(frames) - 31)
+
+
+@pytest.mark.parametrize("reason", [Reason.IMU_INCONSISTENT, Reason.TIME_INCONSISTENT])
+def test_while_imu_and_camera_contradict_each_other_there_is_no_ground(
+    wearer: SimulatedWearer, inputs: list[Input], monkeypatch: pytest.MonkeyPatch, reason: Reason
+) -> None:
+    monkeypatch.setattr(MotionWatch, "reason", property(lambda _: reason))
+    estimates = run(pipeline(wearer), inputs[: len(inputs) // 4])
+    assert {g.reason for g in grounds(estimates)} == {reason}
+    assert all(g.status is Status.INVALID and g.height_m != g.height_m for g in grounds(estimates))
+    doubted = {e.reason is reason for e in estimates if isinstance(e, Attitude)}
+    assert doubted == {reason is Reason.IMU_INCONSISTENT}

@@ -14,9 +14,20 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from daemon.recorder import Recorder, RecordingError
 from daemon.recording_file import viewer_schema
-from drivers.recording import McapRecording
+from drivers.recording import IMAGE_CHANNELS, McapRecording
 from drivers.stereo_source import FramePool
-from messages import TOPICS, DropCause, DroppedFrame, ImuSample, StereoFrame, Tick
+from messages import (
+    TOPICS,
+    DropCause,
+    DroppedFrame,
+    ImuSample,
+    Input,
+    Load,
+    LoadLevel,
+    Reconfigured,
+    StereoFrame,
+    Tick,
+)
 from messages.codec import json_schema
 from tests.replay.recorded import INFO, all_facts, frame, header, imu, inputs_of, record, walk
 
@@ -272,10 +283,25 @@ def field_problem(schema: dict[str, Any], where: str) -> str | None:
     return None if schema["type"] in ("boolean", "string", "number", "integer") else f"{where}: {schema['type']}"
 
 
-@pytest.mark.parametrize("topic", [topic for topic in TOPICS.values() if topic.message is not StereoFrame])
+@pytest.mark.parametrize("topic", [topic for topic in TOPICS.values() if topic.message not in IMAGE_CHANNELS])
 def test_the_schemas_in_the_file_use_only_what_foxglove_reads(topic: Any) -> None:
     schema = viewer_schema(topic.message)
     content = msgspec.json.decode(schema.data)
     assert content["type"] == "object"
     assert field_problem(content, topic.name) is None
     assert list(content["properties"]) == [field.name for field in msgspec.structs.fields(topic.message)]
+
+
+def test_a_ring_begins_with_the_decisions_that_still_hold(tmp_path: Path) -> None:
+    second_ns = 1_000_000_000
+    recorder = Recorder(tmp_path / "ring.mcap", INFO, last_s=3.0)
+    changes = [Reconfigured(t_ns=second_ns, configuration=text) for text in ("first", "second")]
+    reduced = LoadLevel(t_ns=2 * second_ns, load=Load.REDUCED)
+    later = [Tick(t_ns=k * second_ns) for k in range(3, 20)]
+    inputs: list[Input] = [*changes, reduced, *later]
+    for message in inputs:
+        recorder.offer(message)
+    recorder.drain(timeout_s=0.0)
+    recorder.close()
+    recorded = list(McapRecording(tmp_path / "ring.mcap").inputs())
+    assert recorded == [changes[1], reduced, *later[-4:]]

@@ -168,3 +168,50 @@ def test_nothing_is_known_before_the_first_sample() -> None:
     assert clock.doubt_s(0, START_NS + 10**9) == 0.0
     with pytest.raises(ValueError, match="sample 1 was never observed"):
         clock.stamp(1)
+
+
+def with_edges(
+    seed: int, *, late_share: float = 0.01, lost_share: float = 0.0, clock_error: float = 0.0, seconds: float = 20.0
+) -> NDArray[np.float64]:
+    """Return the stamps' errors, ms; interrupts are 20 µs late, a share of them up to 3 ms."""
+    rng = np.random.default_rng(seed)
+    period_ns = PERIOD_S * 1e9 / (1.0 + clock_error)
+    clock = SampleClock(PERIOD_S)
+    clock.restart(0, START_NS)
+    errors_ns = []
+    for index in range(1, int(seconds / PERIOD_S)):
+        truth_ns = START_NS + round((index - 0.4) * period_ns)
+        late_s = rng.uniform(0.0, 0.003) if rng.random() < late_share else rng.exponential(20e-6)
+        edge_ns = truth_ns + round(late_s * 1e9)
+        assert clock.edge_index(edge_ns) in (None, index)
+        if rng.random() >= lost_share:
+            clock.edge_at(index, edge_ns)
+        clock.pending_at(index + 1, edge_ns + 200_000)
+        clock.completed_by(index, edge_ns + 400_000)
+        errors_ns.append(clock.stamp(index) - truth_ns)
+    assert clock.period_s == pytest.approx(period_ns * 1e-9, rel=1e-5)
+    return np.array(errors_ns) * 1e-6
+
+
+@pytest.mark.parametrize("clock_error", [-0.03, 0.0, 0.0023, 0.03])
+@pytest.mark.parametrize("lost_share", [0.0, 0.3])
+def test_interrupts_make_stamps_exact_within_a_second(clock_error: float, lost_share: float) -> None:
+    for seed in range(3):
+        errors_ms = with_edges(seed, clock_error=clock_error, lost_share=lost_share)
+        assert np.sqrt(np.mean(errors_ms[100:] ** 2)) < 0.05
+        assert np.max(np.abs(errors_ms[100:])) < 0.12
+
+
+def test_late_interrupts_do_not_draw_the_stamps_after_them() -> None:
+    for seed in range(5):
+        errors_ms = with_edges(seed, late_share=0.4)[100:]
+        assert np.sqrt(np.mean(errors_ms**2)) < 0.1
+        assert np.max(np.abs(errors_ms)) < 0.6
+
+
+def test_a_drifting_clock_is_seen_through_a_shorter_window() -> None:
+    polled = poll(0.0, 3, duration_s=60.0, poll_s=0.0047, drift_per_s=0.01 / 60.0)
+    errors_ms = polled.errors_ms(after_s=5.0)
+    assert np.sqrt(np.mean(errors_ms**2)) < 0.8
+    assert polled.missed == 0
+    assert np.all(np.diff(polled.stamps_ns) > 0)

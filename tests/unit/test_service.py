@@ -1,19 +1,22 @@
 """The service: devices that fail and return, threads that die, an end that leaves nothing behind."""
 
 import logging
+import re
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
+import msgspec
 import numpy as np
 import pytest
 
 from daemon.pipeline import Pipeline
-from daemon.service import Devices, Service
+from daemon.service import LATE_NS, Devices, Service
 from daemon.stamping import Stamper
 from drivers.mpu6050 import Mpu6050Counters
 from drivers.protocols import DeviceError
 from messages import (
+    Attitude,
     Calibration,
     DropCause,
     Estimate,
@@ -21,10 +24,12 @@ from messages import (
     GroundPlane,
     Health,
     ImuSample,
+    Input,
     Reason,
     ServiceError,
     Source,
     Stamp,
+    Status,
     StereoFrame,
 )
 from perception.foothold import FootholdSettings
@@ -36,6 +41,8 @@ SIZE = (720, 1280)
 class QuietImu:
     """A device at rest; `failure` is raised by every read while it is set."""
 
+    filter_delay_s = 0.005
+
     def __init__(self) -> None:
         self.counters = Mpu6050Counters()
         self.failure: Exception | None = None
@@ -43,9 +50,10 @@ class QuietImu:
         self._seq = 0
         self._due_ns = time.monotonic_ns()
 
-    def read(self) -> Sequence[ImuSample]:
+    def read(self, timeout_s: float) -> Sequence[ImuSample]:
         if self.failure is not None:
             raise self.failure
+        time.sleep(min(timeout_s, 0.005))
         samples = []
         while self._due_ns <= time.monotonic_ns():
             self._seq += 1
@@ -179,7 +187,9 @@ def test_a_camera_that_goes_and_returns_is_said_to_be_silent_in_between(
     with caplog.at_level(logging.WARNING, "gaiteyes"):
         rig.until("the camera came back", story)
     told = [record.message for record in caplog.records if record.message.startswith("camera")]
-    assert told == ["camera lost: /dev/video0: unplugged", "camera is back"]
+    assert told[0] == "camera lost: /dev/video0: unplugged"
+    assert re.fullmatch(r"camera is back: outage_s=[0-9.]+ attempts=[0-9]+", told[1])
+    assert len(told) == 2
 
 
 def test_an_imu_that_goes_makes_frames_invalid_and_returns(rig: Rig) -> None:
@@ -253,3 +263,98 @@ def test_background_work_runs_until_the_end(calibration: Calibration) -> None:
     time.sleep(0.05)
     assert count > 3
     assert len(calls) == count
+
+
+class Hang:
+    """Blocks every call until the test ends."""
+
+    def __init__(self, answer: object) -> None:
+        self.over = threading.Event()
+        self._answer = answer
+
+    def __call__(self, *_args: object, **_options: object) -> object:
+        self.over.wait()
+        return self._answer
+
+
+@pytest.mark.parametrize("where", ["imu", "camera", "pipeline", "can"])
+def test_a_thread_that_hangs_starves_the_watchdog_and_is_given_up(
+    calibration: Calibration, where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("daemon.service.FAREWELL_S", 0.2)
+    rig, hang = Rig(calibration), Hang(() if where == "imu" else None)
+    if where in ("imu", "camera"):
+        monkeypatch.setattr(getattr(rig, where), "read", hang)
+    if where == "pipeline":
+        monkeypatch.setattr(rig.listener, "publish", hang)
+
+    def background(timeout_s: float) -> None:
+        hang() if where == "can" else time.sleep(timeout_s)
+
+    service = Service(
+        Pipeline(calibration, FootholdSettings()),
+        Devices(imu=rig.imu, camera=rig.camera),
+        [rig.listener],
+        Stamper("test", "boot", Source.LIVE),
+        background={"can": background},
+    )
+    fed: list[bool] = []
+    try:
+        with pytest.raises(ServiceError, match=f"thread {where} of the service hangs"):
+            service.run(1.0, each_s=0.25, status=lambda: fed.append(service.progress.renew()))
+    finally:
+        hang.over.set()
+    assert service.progress.stuck == (where,)
+    assert not any(fed[1:]), "fed after the round in which it began to hang"
+    assert rig.imu.closed is (where != "imu")
+    assert rig.camera.closed is (where != "camera")
+    assert rig.listener.closed is (where in ("imu", "camera"))
+
+
+def test_after_a_standstill_nothing_old_is_published_as_valid(rig: Rig, calibration: Calibration) -> None:
+    standstill_s = 1.0
+
+    class Sleepy(Pipeline):
+        """Sleeps once inside a step, when the attitude is known."""
+
+        slept = False
+
+        def step(self, message: Input) -> Iterator[Estimate]:
+            for estimate in super().step(message):
+                known = isinstance(estimate, Attitude) and estimate.status is Status.VALID
+                if known and not self.slept:
+                    self.slept = True
+                    time.sleep(standstill_s)
+                yield estimate
+
+    inputs = Sleepy(calibration, FootholdSettings())
+    service = Service(
+        inputs, Devices(imu=rig.imu, camera=rig.camera), [rig.listener], Stamper("test", "boot", Source.LIVE)
+    )
+
+    def over() -> bool:
+        said = [e.reason for e, _ in rig.listener.heard if isinstance(e, Attitude)]
+        return Reason.LATE in said and said[-1] is Reason.NONE
+
+    service.run(30.0, each_s=0.02, status=lambda: service.stop() if over() else None)
+    assert over()
+    dated = [(e, s) for e, s in rig.listener.heard if isinstance(e, Attitude | GroundPlane)]
+    assert max(stamp.age_s for _, stamp in dated) > 0.9 * standstill_s
+    assert all(stamp.age_s <= 0.15 for estimate, stamp in dated if estimate.status is Status.VALID)
+
+
+def test_a_frame_that_waited_too_long_for_its_turn_is_dropped_as_late(rig: Rig) -> None:
+    def late_frame(timeout_s: float) -> StereoFrame | None:
+        frame = GreyCamera.read(rig.camera, timeout_s)
+        assert frame is not None
+        arrived_ns = frame.header.t_arrival_ns - LATE_NS - 1
+        return msgspec.structs.replace(frame, header=msgspec.structs.replace(frame.header, t_arrival_ns=arrived_ns))
+
+    rig.camera.read = late_frame  # type: ignore[method-assign]
+
+    def told() -> bool:
+        return any(isinstance(e, Health) and e.frames_dropped.get(DropCause.LATE, 0) > 2 for e, _ in rig.listener.heard)
+
+    rig.until("late frames are counted", told)
+    assert set(rig.listener.reasons()) <= {Reason.STARTING, Reason.NO_FRAME, Reason.NO_IMU}
+    assert all(e.frame_seq < 0 for e, _ in rig.listener.heard if isinstance(e, GroundPlane))

@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib.nominal import R_BL_NOMINAL
 from messages import Residual
-from sim_rig.unit import R_BL_NOMINAL, RESIDUAL, STANDARD_GRAVITY_MPS2, draw_unit
+from sim_rig.unit import RESIDUAL, STANDARD_GRAVITY_MPS2, draw_unit
 
 
 def test_a_seed_is_a_unit() -> None:

@@ -10,8 +10,8 @@ import pytest
 
 from drivers import v4l2_abi as v4l2
 from drivers.stereo_source import FramePool
-from drivers.v4l2 import V4l2StereoCamera
-from drivers.v4l2_device import IoctlArgument, split_eyes
+from drivers.v4l2 import V4l2StereoCamera, split_eyes
+from drivers.v4l2_device import IoctlArgument
 from messages import DropCause
 from sim_rig.camera.v4l2_node import ZED_MODES, Fault, ManualClock, V4l2Node, stepping_card
 from tests.v4l2_bench import HEIGHT, MODE, SCENE, T0_NS, WIDTH, answering, camera, fail, node, read, sequences

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from drivers import uvc_abi as uvc
 from drivers import v4l2_abi as v4l2
 from drivers.protocols import DeviceError
 from drivers.v4l2 import V4l2StereoCamera
@@ -21,7 +22,7 @@ from tests.v4l2_bench import (
     WIDTH,
 )
 
-# The numbers of <linux/videodev2.h>.
+# The numbers of <linux/videodev2.h>, <linux/uvcvideo.h> and <linux/usb/video.h>.
 
 C_STRUCTS: dict[type[ctypes.Structure], str] = {
     v4l2.Capability: "struct v4l2_capability",
@@ -29,6 +30,8 @@ C_STRUCTS: dict[type[ctypes.Structure], str] = {
     v4l2.FrmSizeDiscrete: "struct v4l2_frmsize_discrete",
     v4l2.FrmSizeStepwise: "struct v4l2_frmsize_stepwise",
     v4l2.FrmSizeEnum: "struct v4l2_frmsizeenum",
+    v4l2.FrmIvalStepwise: "struct v4l2_frmival_stepwise",
+    v4l2.FrmIvalEnum: "struct v4l2_frmivalenum",
     v4l2.PixFormat: "struct v4l2_pix_format",
     v4l2.Format: "struct v4l2_format",
     v4l2.Fract: "struct v4l2_fract",
@@ -38,13 +41,14 @@ C_STRUCTS: dict[type[ctypes.Structure], str] = {
     v4l2.Timeval: "struct timeval",
     v4l2.Timecode: "struct v4l2_timecode",
     v4l2.Buffer: "struct v4l2_buffer",
+    uvc.XuControlQuery: "struct uvc_xu_control_query",
 }
 
 
 def abi_facts() -> Iterator[tuple[str, int]]:
     """Yield every number the driver relies on as a C expression and our value."""
-    for name, value in vars(v4l2).items():
-        if re.match("V4L2_|VIDIOC_", name):
+    for name, value in (vars(v4l2) | vars(uvc)).items():
+        if re.match("V4L2_|VIDIOC_|UVC", name):
             yield name, value
     for python, c_name in C_STRUCTS.items():
         yield f"sizeof({c_name})", ctypes.sizeof(python)
@@ -53,6 +57,8 @@ def abi_facts() -> Iterator[tuple[str, int]]:
                 yield f"offsetof({c_name}, {name})", getattr(python, name).offset
     yield "offsetof(struct v4l2_frmsizeenum, discrete)", v4l2.FrmSizeEnum.discrete.offset
     yield "offsetof(struct v4l2_frmsizeenum, stepwise)", v4l2.FrmSizeEnum.stepwise.offset
+    yield "offsetof(struct v4l2_frmivalenum, discrete)", v4l2.FrmIvalEnum.discrete.offset
+    yield "offsetof(struct v4l2_frmivalenum, stepwise)", v4l2.FrmIvalEnum.stepwise.offset
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
@@ -64,7 +70,9 @@ def test_every_number_and_layout_is_that_of_the_kernels_header(tmp_path: Path) -
     lines = "".join(f'printf("%llu\\n", (unsigned long long)(unsigned int)({expression}));\n' for expression in facts)
     source = tmp_path / "abi.c"
     source.write_text(
-        f"#include <stddef.h>\n#include <stdio.h>\n#include <linux/videodev2.h>\nint main(void) {{\n{lines}}}\n"
+        "#include <stddef.h>\n#include <stdio.h>\n"
+        "#include <linux/usb/video.h>\n#include <linux/uvcvideo.h>\n#include <linux/videodev2.h>\n"
+        f"int main(void) {{\n{lines}}}\n"
     )
     subprocess.run(["gcc", "-o", tmp_path / "abi", source], check=True)
     printed = subprocess.run([tmp_path / "abi"], check=True, capture_output=True, text=True).stdout

@@ -10,9 +10,10 @@ import pytest
 
 from drivers import v4l2_abi as v4l2
 from drivers.protocols import DeviceError
+from drivers.v4l2 import V4l2StereoCamera
 from drivers.v4l2_device import IoctlArgument, Kernel
 from sim_rig.camera.v4l2_node import Fault, ManualClock, Mode, V4l2Node
-from tests.v4l2_bench import MODE, SCENE, answering, camera, fail, node, read, sequences
+from tests.v4l2_bench import HEIGHT, MODE, SCENE, WIDTH, answering, camera, fail, node, read, sequences
 
 # A camera that is not what it should be.
 
@@ -27,15 +28,18 @@ def refusal(kernel: Kernel) -> str:
 
 
 def test_another_size_is_refused_with_what_the_camera_offers() -> None:
-    line = refusal(node(modes=(Mode("YUYV", 2560, 720), Mode("YUYV", 1344, 376), Mode("MJPG", 128, 32))))
+    line = refusal(
+        node(modes=(Mode("YUYV", 2560, 720, (30, 60)), Mode("YUYV", 1344, 376, (15,)), Mode("MJPG", 128, 32, (30,))))
+    )
     assert line == (
-        "/dev/video0 (ZED 2: ZED 2): two eyes of 64x32, the calibration's size, need YUYV 128x32; the camera answers "
-        "YUYV 1344x376 and offers YUYV 2560x720, YUYV 1344x376, MJPG 128x32"
+        "/dev/video0 (ZED 2: ZED 2): two eyes of 64x32, the calibration's size, need GREY or YUYV 128x32; the camera "
+        "answers YUYV 1344x376 and offers YUYV 2560x720 (30, 60 Hz), YUYV 1344x376 (15 Hz), MJPG 128x32 (30 Hz)"
     )
 
 
 def test_another_pixel_format_is_refused() -> None:
-    assert "the camera answers MJPG 128x32 and offers MJPG 128x32" in refusal(node(modes=(Mode("MJPG", 128, 32),)))
+    line = refusal(node(modes=(Mode("MJPG", 128, 32, (30,)),)))
+    assert line.endswith("the camera answers MJPG 128x32 and offers MJPG 128x32 (30 Hz)")
 
 
 def short_buffer(argument: IoctlArgument) -> None:
@@ -68,11 +72,26 @@ def test_a_driver_that_lists_no_formats_is_told_so() -> None:
         (node(held=True), "in use by another program"),
         (node(most_buffers=1), "grants 1 frame buffers"),
         (node(path="/dev/video2"), "no such device"),
-        (answering(v4l2.VIDIOC_STREAMON, fail(errno.ENOSPC)), "starting to stream failed: No space left"),
+        (answering(v4l2.VIDIOC_STREAMON, fail(errno.ENOSPC)), "the USB bus has no bandwidth left for its images"),
+        (answering(v4l2.VIDIOC_STREAMON, fail(errno.EPROTO)), "starting to stream failed: Protocol error"),
+        (answering(v4l2.VIDIOC_S_FMT, fail(errno.EPIPE)), "the camera refused the request"),
+        (answering(v4l2.VIDIOC_S_FMT, fail(errno.EBUSY)), "in use by another program"),
         (answering(v4l2.VIDIOC_S_PARM, fail(errno.EIO)), "setting the frame rate failed"),
         (answering(v4l2.VIDIOC_QUERYBUF, short_buffer), "buffers of 4096 bytes with rows of 256 cannot hold"),
     ],
-    ids=["metadata node", "no streaming", "busy", "one buffer", "no node", "no bandwidth", "I/O error", "short buffer"],
+    ids=[
+        "metadata node",
+        "no streaming",
+        "busy",
+        "one buffer",
+        "no node",
+        "no bandwidth",
+        "cable",
+        "stalled",
+        "busy at the format",
+        "I/O error",
+        "short buffer",
+    ],
 )
 def test_unfit_devices_are_refused(kernel: V4l2Node, words: str) -> None:
     assert words in refusal(kernel)
@@ -149,6 +168,38 @@ def test_unplugged_and_back() -> None:
     assert source.dropped == {}
 
 
+def test_a_camera_that_comes_back_with_another_number_is_found_by_its_lasting_name() -> None:
+    lasting = "/dev/v4l/by-id/usb-STEREOLABS_ZED_2-video-index0"
+    kernel = node(link=lasting)
+    by_number = camera(kernel)
+    by_number.close()
+    source = V4l2StereoCamera(lasting, WIDTH, HEIGHT, pool_frames=4, kernel=kernel)
+    sequences(source, 2)
+    kernel.unplug()
+    with pytest.raises(DeviceError, match="unplugged"):
+        source.read(0.1)
+    kernel.plug_in("/dev/video2")
+    assert read(source, 1.0).header.seq == 0
+    assert "no such device; cameras are /dev/video*, or by a lasting name /dev/v4l/by-id/*" in refusal(kernel)
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (errno.ENODEV, "unplugged"),
+        (errno.EIO, "reading a frame failed: Input/output error"),
+        (errno.EPIPE, "the camera refused the request or stopped its stream"),
+    ],
+)
+def test_what_ends_a_stream_is_told_and_the_camera_opened_anew(number: int, words: str) -> None:
+    kernel = answering(v4l2.VIDIOC_DQBUF, fail(number))
+    source = camera(kernel)
+    with pytest.raises(DeviceError, match=words):
+        source.read(0.2)
+    kernel.request = 0
+    assert read(source, 1.0).header.seq == 0
+
+
 def test_a_missing_camera_is_looked_for_twice_a_second() -> None:
     class Counted(V4l2Node):
         opened = 0
@@ -200,15 +251,6 @@ def test_a_silent_camera_is_reopened() -> None:
         assert source.read(0.1) is None
     with pytest.raises(DeviceError, match="no image for 3 s"):
         source.read(0.1)
-    assert read(source, 1.0).header.seq == 0
-
-
-def test_a_stream_in_error_is_reopened() -> None:
-    kernel = answering(v4l2.VIDIOC_DQBUF, fail(errno.EIO))
-    source = camera(kernel)
-    with pytest.raises(DeviceError, match="reading a frame failed: Input/output error"):
-        source.read(0.2)
-    kernel.request = 0
     assert read(source, 1.0).header.seq == 0
 
 

@@ -4,7 +4,8 @@ import logging
 
 import pytest
 
-from daemon.watch import FRAMES_BEFORE_TOLD, IN_WORDS, GroundWatch, LoadDecision
+from daemon.watch import FRAMES_BEFORE_TOLD, IN_WORDS, GroundWatch, LoadDecision, Outage
+from drivers.protocols import DeviceError
 from messages import Load, Reason
 
 SECOND_NS = 1_000_000_000
@@ -39,3 +40,32 @@ def test_load_is_reduced_after_two_superseded_frames_and_relaxes_after_calm() ->
     load = LoadDecision()
     changes = [load.decide(superseded, k * SECOND_NS) for k, superseded in enumerate([0, 1, 3, 3, 3, 3, 3, 3, 3, 3])]
     assert changes == [None, None, Load.REDUCED, None, None, None, None, None, Load.NORMAL, None]
+
+
+def test_an_outage_is_told_once_and_its_end_with_length_and_attempts(told: pytest.LogCaptureFixture) -> None:
+    now_s = 100.0
+    outage = Outage("camera", clock=lambda: now_s)
+    for _ in range(4):
+        outage.began(DeviceError("/dev/video0: unplugged"))
+        now_s += 0.5
+    assert outage.lasting == "camera lost: /dev/video0: unplugged"
+    outage.ended()
+    outage.ended()
+    assert outage.lasting == ""
+    assert told.messages == [
+        "camera lost: /dev/video0: unplugged",
+        "camera is back: outage_s=2.00 attempts=4",
+    ]
+
+
+def test_a_device_that_comes_and_goes_does_not_flood_the_log(told: pytest.LogCaptureFixture) -> None:
+    now_s = 0.0
+    outage = Outage("IMU", clock=lambda: now_s)
+    for _ in range(1280):
+        outage.began(DeviceError("NAK"))
+        now_s += 1 / 128
+        outage.ended()
+        now_s += 1 / 128
+    assert told.messages[:2] == ["IMU lost: NAK", "IMU is back: outage_s=0.01 attempts=1"]
+    assert len(told.messages) == 4, "twice in 20 s"
+    assert told.messages[2] == "IMU lost: NAK outages_untold=639"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from messages import GroundTruth, ImuSample, Residual, StereoFrame, Tick
+from messages import Frame, GroundTruth, ImuSample, Residual, StereoFrame, Tick
 from perception.rectify import Rectifier
 from sim_rig.unit import RESIDUAL
 from sim_rig.walk.scenario import scenario
@@ -152,8 +152,8 @@ def test_offline_inputs_are_what_the_devices_give_in_order_of_arrival() -> None:
     assert len(samples) / (samples[-1].t_sample_ns - samples[0].t_sample_ns) * 1e9 == pytest.approx(100.0, rel=0.015)
     assert sum(sample.lost_before for sample in samples) == 0
 
-    def arrival_ns(message: ImuSample | StereoFrame | Tick) -> int:
-        if isinstance(message, StereoFrame):
+    def arrival_ns(message: ImuSample | Frame | Tick) -> int:
+        if isinstance(message, Frame):
             return message.header.t_arrival_ns
         return message.t_ns if isinstance(message, Tick) else message.t_arrival_ns
 

@@ -1,0 +1,62 @@
+"""`gaiteyes check`: is this unit fit to be worn? Looks at each device for some seconds and says what it finds."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def check(
+    config: Annotated[Path, typer.Option(help="Configuration file (TOML).")] = Path("gaiteyes.toml"),
+    seconds: Annotated[float, typer.Option(min=1.0, max=60.0, help="How long to look at each device.")] = 3.0,
+    self_test: Annotated[bool, typer.Option(help="Run the IMU's self-test; the unit must lie still.")] = True,
+    json: Annotated[Path | None, typer.Option(help="Write the findings for a program.")] = None,
+) -> None:
+    """Check the devices that the configuration names, one after the other; exit code 1 if one is at fault."""
+    from collections.abc import Callable, Iterator
+    from functools import partial
+
+    from calib.files import load_calibration
+    from cli.console import check_writable, progress, table, write_json
+    from cli.devices import build_imu, camera_opener
+    from daemon import checkup
+    from daemon.checkup import Finding, Verdict
+    from daemon.config import load_configuration
+
+    check_writable(json)
+    configuration = load_configuration(config)
+    calibration = load_calibration(config.parent / configuration.calibration)
+
+    def imu() -> Iterator[Finding]:
+        device = build_imu(configuration.imu)
+        try:
+            device.open()
+            if self_test:
+                yield from checkup.look_at_self_test(device.self_test())
+            yield from checkup.look_at_imu(device, seconds)
+        finally:
+            device.close()
+
+    def camera() -> Iterator[Finding]:
+        device = camera_opener(configuration.camera, calibration)()
+        try:
+            yield from checkup.look_at_camera(device, seconds)
+        finally:
+            device.close()
+
+    can = partial(checkup.look_at_can, configuration.can, seconds)
+    looks: dict[str, Callable[[], Iterator[Finding]]] = {"IMU": imu, "camera": camera, "CAN": can}
+    findings: list[Finding] = []
+    for subject in progress(list(looks), "looking"):
+        findings += checkup.guarded(subject, looks[subject])
+    findings += checkup.look_at_host()
+    table(
+        f"{config}, device {configuration.device}, calibration {calibration.id} of unit {calibration.unit}",
+        ["", "verdict", "seen"],
+        [[finding.subject, finding.verdict.value, finding.seen] for finding in findings],
+        words=True,
+    )
+    if json is not None:
+        write_json(json, findings)
+    if checkup.worst(findings) is Verdict.FAULT:
+        raise typer.Exit(1)

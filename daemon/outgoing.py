@@ -1,0 +1,130 @@
+"""What an estimate meets on its way out, in the pipeline's thread: is it too old, its stamp, publishers, recorder."""
+
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import msgspec
+
+from daemon.latency import FrameTimes, LatencyLog
+from daemon.recorder import Recorder
+from daemon.stamping import Stamper, capture_ns
+from daemon.watch import GroundWatch
+from messages import Attitude, Estimate, FrameHeader, GroundPlane, Health, Reason, Stamp, Status
+
+STALE_NS = 140_000_000
+"""From exposure, or sample, to here. What took longer is said to be late, not valid: the wearer has moved on.
+
+A consumer that takes nothing older than 150 ms still has 10 ms for the way to it."""
+
+_FRAMES_IN_HAND = 4
+
+
+class Publisher(Protocol):
+    """Sends estimates away without ever blocking or raising into the pipeline's thread."""
+
+    @property
+    def name(self) -> str:
+        """Return what is published on."""
+
+    @property
+    def errors(self) -> int:
+        """Return how many estimates or frames did not get away."""
+
+    def publish(self, estimate: Estimate, stamp: Stamp) -> None:
+        """Send one estimate."""
+
+    def close(self) -> None:
+        """Stop sending."""
+
+
+Observer = Callable[[Estimate, FrameHeader | None], None]
+"""Told of every estimate in the pipeline's thread, with the header of its frame if it is a ground estimate."""
+
+
+class Outgoing:
+    """Hands every estimate to all who are to have it. The clock is the caller's.
+
+    The recorder gets what the pipeline said, so that a replay says the same; all others get what was published.
+    """
+
+    def __init__(
+        self,
+        publishers: Sequence[Publisher],
+        stamper: Stamper,
+        recorder: Recorder | None,
+        observers: Sequence[Observer],
+    ) -> None:
+        self._publishers = tuple(publishers)
+        self._stamper = stamper
+        self._recorder = recorder
+        self._observers = tuple(observers)
+        self._errors_before: Counter[str] = Counter()
+        self._seen: OrderedDict[int, FrameHeader] = OrderedDict()
+        self._ground_watch = GroundWatch()
+        self.withdrawn = 0
+        """How many valid estimates were said to be late instead."""
+
+    def exchange(self, old: Publisher, new: Publisher) -> None:
+        """Publish on `new` from now on; the caller closes `old`."""
+        self._errors_before[old.name] += old.errors
+        self._publishers = tuple(new if publisher is old else publisher for publisher in self._publishers)
+
+    def errors(self, name: str) -> int:
+        """Return what did not get away on the publishers of this name since the start."""
+        return self._errors_before[name] + sum(p.errors for p in self._publishers if p.name == name)
+
+    def remember(self, header: FrameHeader) -> None:
+        """Keep the header of a frame that is being computed."""
+        self._seen[header.seq] = header
+        while len(self._seen) > _FRAMES_IN_HAND:
+            self._seen.popitem(last=False)
+
+    def send(self, estimate: Estimate, taken_ns: int, clock: Callable[[], int], latency: LatencyLog) -> None:
+        """Hand out what the pipeline made of the input taken at `taken_ns`."""
+        computed_ns = clock()
+        said = in_time(estimate, computed_ns)
+        self.withdrawn += said is not estimate
+        stamp = self._stamper.stamp(said, computed_ns)
+        for publisher in self._publishers:
+            publisher.publish(said, stamp)
+        header = None
+        if isinstance(said, GroundPlane):
+            header = self._seen.pop(said.frame_seq, None)
+            self._ground_watch.saw(said.reason)
+        if header is not None:
+            latency.add(
+                FrameTimes(
+                    t_exposure_ns=header.t_exposure_ns,
+                    t_arrival_ns=header.t_arrival_ns,
+                    t_taken_ns=taken_ns,
+                    t_computed_ns=computed_ns,
+                    t_published_ns=clock(),
+                )
+            )
+        if self._recorder is not None:
+            self._recorder.offer(estimate)
+        for observe in self._observers:
+            observe(said, header)
+
+    def close(self) -> None:
+        """Close the publishers in order."""
+        for publisher in self._publishers:
+            publisher.close()
+
+
+def in_time(estimate: Estimate, now_ns: int) -> Estimate:
+    """Return `estimate`, or what is left of a valid one that is older than `STALE_NS`: no numbers, reason LATE."""
+    if isinstance(estimate, Health) or estimate.status is not Status.VALID:
+        return estimate
+    if now_ns - capture_ns(estimate) <= STALE_NS:
+        return estimate
+    nan = float("nan")
+    late: dict[str, object] = {"status": Status.INVALID, "reason": Reason.LATE}
+    if isinstance(estimate, Attitude):
+        late |= dict.fromkeys(("w_WB_B_radps", "gyro_bias_B_radps"), (nan,) * 3)
+        late |= {"q_WB": (nan,) * 4, "rotation_cov_W_rad2": (nan,) * 6}
+    else:
+        late |= dict.fromkeys(("slope_sagittal_rad", "slope_frontal_rad", "height_m", "disparity_noise_px"), nan)
+        late |= {"inlier_share": nan, "covariance": (nan,) * 6}
+    return msgspec.structs.replace(estimate, **late)

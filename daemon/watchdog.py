@@ -1,0 +1,27 @@
+"""Whether every loop of the service still comes round: only then is the manager's watchdog fed."""
+
+from collections.abc import Iterable
+
+
+class Progress:
+    """Counts the rounds of the named loops. Each loop marks its own; one thread asks."""
+
+    def __init__(self, loops: Iterable[str]) -> None:
+        self._rounds = dict.fromkeys(loops, 0)
+        self._seen = dict(self._rounds)
+
+    def mark(self, loop: str) -> None:
+        """Tell that `loop` came round, whether or not its device is there."""
+        self._rounds[loop] += 1
+
+    @property
+    def stuck(self) -> tuple[str, ...]:
+        """Return the loops that have not come round since `renew`."""
+        return tuple(loop for loop, rounds in self._rounds.items() if rounds == self._seen[loop])
+
+    def renew(self) -> bool:
+        """Return whether every loop has come round since the last time this was so; then begin anew."""
+        if self.stuck:
+            return False
+        self._seen = dict(self._rounds)
+        return True

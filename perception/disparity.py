@@ -1,0 +1,75 @@
+"""What the ground fit asks of a camera, whether it matches a stereo pair or delivers depth: disparities along rays.
+
+Disparity d = f B / z of a focal length f and a baseline B is inverse depth in the unit in which the noise is even, for
+a matched pair and for the stereo pair inside a depth camera alike. (A time-of-flight camera, whose noise is even in z,
+is fitted all the same, but its far pixels then count less than they are worth.)
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import Image
+
+FloatArray = NDArray[np.float64]
+
+
+class OutOfRangeError(Exception):
+    """The ground is nearer than the camera can measure."""
+
+
+@dataclass(frozen=True)
+class DisparityPatch:
+    """Part of a picture: for each of (rows, columns) pixels what is seen there.
+
+    `rays_C` (rows, columns, 3) have z = 1; `disparity_px` is NaN where nothing is known; `row_time_s` is when the
+    pixel was exposed, relative to mid-exposure of the middle row.
+    """
+
+    rays_C: FloatArray
+    disparity_px: FloatArray
+    row_time_s: NDArray[np.floating]
+
+    def thinned(self, most_pixels: int) -> tuple["DisparityPatch", int]:
+        """Return every `stride`-th row and column, about `most_pixels` of them, and the stride."""
+        stride = max(1, round(np.sqrt(self.disparity_px.size / most_pixels)))
+        some = (slice(None, None, stride), slice(None, None, stride))
+        return DisparityPatch(self.rays_C[some], self.disparity_px[some], self.row_time_s[some]), stride
+
+
+class DisparityCamera(Protocol):
+    """Turns the raw images of one frame into disparities, where they are asked for.
+
+    `image_sizes_px` are the (width, height) of the images of a frame; E is the raw camera whose optical centre C
+    shares. `scale_residual` is one standard deviation of a relative error common to all depths.
+    """
+
+    @property
+    def image_sizes_px(self) -> Sequence[tuple[int, int]]:
+        """Return the size of each image of a frame."""
+
+    @property
+    def f_px(self) -> float:
+        """Return the focal length in which disparity is counted."""
+
+    @property
+    def baseline_m(self) -> float:
+        """Return the baseline in which disparity is counted."""
+
+    @property
+    def R_EC(self) -> FloatArray:
+        """Return (3, 3): vectors from C to E."""
+
+    @property
+    def scale_residual(self) -> float:
+        """Return what is uncertain of the scale of depth, relatively."""
+
+    def look(self, images: Sequence[Image], points_C: FloatArray) -> DisparityPatch | None:
+        """Return the smallest patch that shows `points_C` (N, 3), or None if the last of them is not in view.
+
+        All points lie before the camera; the patch is cut at the image's border. Raises OutOfRangeError where the
+        points are too near to be measured.
+        """

@@ -1,0 +1,197 @@
+"""One stretch of motion as the camera saw it beside what the IMU felt meanwhile: how far they are apart, and why.
+
+With ω, v the mean rates of the steps from t to t + Δt that the camera saw, turned into B, and R_SB the attitude that
+their rotations make of the first step's B (= S):
+
+    ω_k = (Θ(t + Δt + l) − Θ(t + l)) / Δt + b + e_k,           Θ = ∫ w_measured dt                            (1)
+    R_SB ṗ_k = u + g (t + Δt/2) + (P(t + Δt + l) − P(t + l)) / Δt + e_k,   P = ∬ R_SB sf_measured dt²      (2)
+
+Lag l, bias b, initial velocity u and gravity g (a free vector) are those of least squares; what is left is the misfit
+e. The gain of an axis of the accelerometer is by how much its share of P must be multiplied for the least e.
+Neither (1) nor (2) asks the attitude filter, and (2) does not ask the gyroscope: what is judged bears no witness.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """n steps, one after the other, of B as the camera saw it.
+
+    `from_s`, `to_s` (n,) on the IMU's clock; `w_B_radps` and `v_C_B_mps` (n, 3) are the angular rate and the velocity
+    of the left optical centre, in B as it was before each step; `p_BC_m` (3,) is where in B that centre is.
+    """
+
+    from_s: FloatArray
+    to_s: FloatArray
+    w_B_radps: FloatArray
+    v_C_B_mps: FloatArray
+    p_BC_m: FloatArray
+
+
+@dataclass(frozen=True)
+class Felt:
+    """m calibrated samples of the IMU: times (m,), specific force and angular rate (m, 3) in B."""
+
+    t_s: FloatArray
+    sf_B_mps2: FloatArray
+    w_B_radps: FloatArray
+
+
+@dataclass(frozen=True)
+class Lag:
+    """How much later than its stamp the IMU feels what the camera sees, and the standard deviation of that."""
+
+    lag_s: float
+    deviation_s: float
+
+
+@dataclass(frozen=True)
+class RateMisfit:
+    """(3,) on the axes of B: root mean squares of the rates' `swing` about their mean and of e, and b of (1)."""
+
+    swing_radps: FloatArray
+    misfit_radps: FloatArray
+    bias_radps: FloatArray
+
+
+@dataclass(frozen=True)
+class VelocityMisfit:
+    """(3,) on the axes of B: root mean squares of the velocity's `swing` about a line in time and of e, m/s.
+
+    `gain` (3,) of each axis of the accelerometer if the others are right, with its standard deviation and the root mean
+    square of what the axis adds to the velocity's swing; `gravity_mps2` is the length of g of (2).
+    """
+
+    swing_mps: FloatArray
+    misfit_mps: FloatArray
+    gain: FloatArray
+    gain_deviation: FloatArray
+    gain_swing_mps: FloatArray
+    gravity_mps2: float
+
+
+def lag_of(seen: Seen, felt: Felt, longest_s: float, grid_s: float) -> Lag:
+    """Return l of (1): the best of a grid over ± `longest_s`, and the parabola through it and its neighbours.
+
+    `felt` must reach `longest_s` farther than `seen` on both sides. Infinite deviation where nothing moves.
+    """
+    steps = round(longest_s / grid_s)
+    lags_s: FloatArray = grid_s * np.arange(-steps, steps + 1, dtype=np.float64)
+    error = seen.w_B_radps - _mean_rates(seen, felt, lags_s[:, None])
+    error -= error.mean(axis=1, keepdims=True)
+    cost = (error**2).sum(axis=(1, 2))
+    best = min(max(int(np.argmin(cost)), 1), 2 * steps - 1)
+    before, least, after = cost[best - 1 : best + 2].tolist()
+    curvature = (before + after - 2.0 * least) / grid_s**2
+    if curvature <= 0.0:
+        return Lag(0.0, np.inf)
+    lag_s = lags_s[best] - (after - before) / (2.0 * grid_s * curvature)
+    freedom = 3 * len(seen.from_s) - 4
+    return Lag(float(np.clip(lag_s, -longest_s, longest_s)), float(np.sqrt(2.0 * least / freedom / curvature)))
+
+
+def rate_misfit(seen: Seen, felt: Felt, lag_s: float) -> RateMisfit:
+    """Return how (1) holds."""
+    felt_radps = _mean_rates(seen, felt, np.array([[lag_s]]))[0]
+    error = felt_radps - seen.w_B_radps
+    bias = error.mean(axis=0)
+    swing = np.maximum(_rms(_centred(felt_radps)), _rms(_centred(seen.w_B_radps)))
+    return RateMisfit(swing, _rms(error - bias), bias)
+
+
+def velocity_misfit(seen: Seen, felt: Felt, lag_s: float) -> VelocityMisfit:
+    """Return how (2) holds."""
+    durations_s = (seen.to_s - seen.from_s)[:, None]
+    R_SB = _chained(seen)
+    R_after = R_SB @ _exp(seen.w_B_radps * durations_s)
+    seen_S = np.einsum("nij,nj->ni", R_SB, seen.v_C_B_mps) - (R_after - R_SB) @ seen.p_BC_m / durations_s
+
+    lagged_s = felt.t_s - lag_s
+    first, last = np.searchsorted(lagged_s, (seen.from_s[0], seen.to_s[-1])).tolist()
+    t_s, sf_B = lagged_s[max(0, first - 1) : last + 1], felt.sf_B_mps2[max(0, first - 1) : last + 1]
+    step = np.clip(np.searchsorted(seen.from_s, t_s, side="right") - 1, 0, len(R_SB) - 1)
+    R_SB_then = R_SB[step] @ _exp((t_s - seen.from_s[step])[:, None] * seen.w_B_radps[step])
+    by_axis_S = (R_SB_then * sf_B[:, None, :]).reshape(-1, 9)  # what each axis of the accelerometer adds, in S
+    travel_S = _integral(t_s, _integral(t_s, by_axis_S))
+    felt_S = ((_at(seen.to_s, t_s, travel_S) - _at(seen.from_s, t_s, travel_S)) / durations_s).reshape(-1, 3, 3)
+
+    middle_s = 0.5 * (seen.from_s + seen.to_s)
+    line = np.column_stack((np.ones(len(middle_s)), middle_s - middle_s.mean()))
+    fit = np.linalg.pinv(line)
+    off_line = np.eye(len(line)) - line @ fit
+    error_S = seen_S - felt_S.sum(axis=2)
+    swings_S = np.stack((off_line @ seen_S, off_line @ felt_S.sum(axis=2), off_line @ error_S))
+    seen_rms, felt_rms, misfit = np.sqrt((np.einsum("nij,kni->knj", R_SB, swings_S) ** 2).mean(axis=1))
+
+    axes = np.einsum("nm,mij->nij", off_line, felt_S).reshape(-1, 3)
+    square = (axes**2).sum(axis=0) + _TINY
+    left = swings_S[2].reshape(-1)
+    gain = 1.0 + axes.T @ left / square
+    deviation = np.sqrt(left @ left / (len(left) - 9) / square)
+    return VelocityMisfit(
+        swing_mps=np.maximum(seen_rms, felt_rms),
+        misfit_mps=misfit,
+        gain=gain,
+        gain_deviation=deviation,
+        gain_swing_mps=np.sqrt(square / len(line)),
+        gravity_mps2=float(np.linalg.norm((fit @ error_S)[1])),
+    )
+
+
+def _mean_rates(seen: Seen, felt: Felt, lags_s: FloatArray) -> FloatArray:
+    """Return the mean rates (lags, n, 3) felt during the steps, moved by `lags_s` (lags, 1)."""
+    angle = _integral(felt.t_s, felt.w_B_radps)
+    turned = _at(seen.to_s + lags_s, felt.t_s, angle) - _at(seen.from_s + lags_s, felt.t_s, angle)
+    rates: FloatArray = turned / (seen.to_s - seen.from_s)[:, None]
+    return rates
+
+
+def _chained(seen: Seen) -> FloatArray:
+    """Return R_SB (n, 3, 3) at the beginning of each step; the steps may meet a few milliseconds apart."""
+    R_SB = np.empty((len(seen.from_s), 3, 3))
+    R_SB[0] = np.eye(3)
+    turns = _exp(np.diff(seen.from_s)[:, None] * seen.w_B_radps[:-1])
+    for k in range(len(turns)):
+        R_SB[k + 1] = R_SB[k] @ turns[k]
+    return R_SB
+
+
+def _exp(rotvecs: FloatArray) -> FloatArray:
+    """Return the rotation matrices (n, 3, 3) of rotation vectors (n, 3)."""
+    matrices: FloatArray = Rotation.from_rotvec(rotvecs).as_matrix()
+    return matrices
+
+
+def _integral(t_s: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return ∫ rates dt (m, c) from the first time on, by the trapezoidal rule."""
+    total = np.zeros_like(rates)
+    np.cumsum(0.5 * np.diff(t_s)[:, None] * (rates[1:] + rates[:-1]), axis=0, out=total[1:])
+    return total
+
+
+def _at(times_s: FloatArray, t_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Return `values` (m, c), known at `t_s` (m,), at `times_s` (...), between them: (..., c)."""
+    after = np.clip(np.searchsorted(t_s, times_s), 1, len(t_s) - 1)
+    share = ((times_s - t_s[after - 1]) / (t_s[after] - t_s[after - 1]))[..., None]
+    between: FloatArray = values[after - 1] + share * (values[after] - values[after - 1])
+    return between
+
+
+def _centred(values: FloatArray) -> FloatArray:
+    centred: FloatArray = values - values.mean(axis=0)
+    return centred
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    rms: FloatArray = np.sqrt((values**2).mean(axis=0))
+    return rms
+
+
+_TINY = 1e-12

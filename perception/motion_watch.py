@@ -1,0 +1,48 @@
+"""Camera and IMU side by side, message by message: the motion that one sees, the motion that the other feels."""
+
+from messages import Calibration, Frame, ImuSample, Reason, StereoFrame, UnitCalibration
+from perception.consistency import ConsistencyMonitor, Subject, Verdict
+from perception.ego_motion import VisualOdometer
+from perception.imu_model import corrected
+
+
+class MotionWatch:
+    """Follows both, and says when they contradict each other.
+
+    It needs pictures from two eyes: of a depth camera's frames it takes no notice, and its reason stays NONE.
+    """
+
+    def __init__(self, calibration: UnitCalibration) -> None:
+        self._imu = calibration.imu
+        self._odometer: VisualOdometer | None = None
+        self._monitor: ConsistencyMonitor | None = None
+        if isinstance(calibration, Calibration):
+            self._odometer = VisualOdometer(calibration.stereo)
+            self._monitor = ConsistencyMonitor(calibration, self._odometer.R_LC)
+
+    @property
+    def reason(self) -> Reason:
+        """Return TIME_INCONSISTENT or IMU_INCONSISTENT while they contradict each other, else NONE."""
+        return Reason.NONE if self._monitor is None else self._monitor.reason
+
+    @property
+    def contradictions(self) -> tuple[Subject, ...]:
+        """Return what contradicts."""
+        if self._monitor is None:
+            return ()
+        verdicts = self._monitor.verdicts
+        return tuple(subject for subject in Subject if verdicts[subject] is Verdict.INCONSISTENT)
+
+    def feel(self, sample: ImuSample) -> None:
+        """Take a finite sample, later than the one before it; a clipped one counts as missing."""
+        if self._monitor is not None and not sample.clipped:
+            self._monitor.feel(sample.t_sample_ns, *corrected(sample, self._imu))
+
+    def see(self, frame: Frame) -> bool:
+        """Take a frame; return whether what the IMU alone taught until now should be forgotten."""
+        if self._monitor is None or self._odometer is None or not isinstance(frame, StereoFrame):
+            return False
+        if frame.left.shape[::-1] != self._odometer.raw_size_px:
+            return False
+        motion = self._odometer.see(frame.header.t_exposure_ns, frame.left, frame.right)
+        return self._monitor.see(motion)

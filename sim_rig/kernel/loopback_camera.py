@@ -1,0 +1,44 @@
+"""The rig's pictures behind a real V4L2 node: what is shown here, a driver captures there, by way of v4l2loopback."""
+
+import fcntl
+import os
+
+import numpy as np
+
+from drivers import v4l2_abi as v4l2
+from messages import GreyImage, UserError
+
+_V4L2_BUF_TYPE_VIDEO_OUTPUT = 2
+_GREY_CHROMA = 128 << 8  # the high byte of a YUYV pixel, U or V
+
+
+class LoopbackCamera:
+    """Two eyes side by side, in YUYV, as a ZED delivers them. The size of one eye is `width_px` × `height_px`.
+
+    Raises UserError if `path` is no node of v4l2loopback or is fed by another program.
+    """
+
+    def __init__(self, path: str, width_px: int, height_px: int) -> None:
+        self._frame = np.full((height_px, 2 * width_px), _GREY_CHROMA, dtype="<u2")
+        wanted = v4l2.Format(type=_V4L2_BUF_TYPE_VIDEO_OUTPUT)
+        pix = wanted.fmt.pix
+        pix.width, pix.height = 2 * width_px, height_px
+        pix.pixelformat = v4l2.V4L2_PIX_FMT_YUYV
+        pix.field = v4l2.V4L2_FIELD_NONE
+        pix.bytesperline, pix.sizeimage = 4 * width_px, self._frame.nbytes
+        try:
+            self._fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+            fcntl.ioctl(self._fd, v4l2.VIDIOC_S_FMT, wanted, True)
+        except OSError as error:
+            raise UserError(f"{path}: cannot be fed with pictures: {error.strerror}") from error
+
+    def show(self, left: GreyImage, right: GreyImage) -> None:
+        """Hand on one picture (height_px, width_px) of each eye; the kernel stamps it now."""
+        width_px = left.shape[1]
+        np.bitwise_or(left, _GREY_CHROMA, out=self._frame[:, :width_px], dtype=np.uint16)
+        np.bitwise_or(right, _GREY_CHROMA, out=self._frame[:, width_px:], dtype=np.uint16)
+        os.write(self._fd, self._frame.data)
+
+    def close(self) -> None:
+        """Stop; whoever captures sees no further pictures."""
+        os.close(self._fd)

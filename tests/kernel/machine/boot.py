@@ -1,0 +1,64 @@
+"""Running the machine: one emulated processor, three disks, a folder for the results."""
+
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.kernel.machine.host import FailedError, remove
+
+MEMORY_MB = 2048
+INSTRUCTIONS = "shift=0,sleep=on"
+"""The machine's clock counts its instructions, a nanosecond each: it is as quick as it is on any host, however busy.
+
+While it waits for a timer, its clock keeps to the host's.
+"""
+PROCESSOR = "Nehalem"
+"""The oldest that NumPy's wheels run on. QEMU 7.2 emulates AVX2 wrongly: NumPy's sorting crashes on it."""
+_TIMED_OUT = 124  # of timeout(1)
+COMMAND_LINE = (
+    "console=ttyS0 quiet panic=-1 mitigations=off tsc=reliable clocksource=tsc random.trust_cpu=on "
+    "systemd.show_status=false net.ifnames=0"
+)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Everything it takes; the disks are never written to."""
+
+    kernel: Path
+    boot: Path
+    disks: Sequence[Path]
+
+
+def run(machine: Machine, results: Path, pytest_options: str, *, limit_s: float) -> None:
+    """Boot, run the tests inside, power off; `results` then holds what they left. Raises FailedError after `limit_s`.
+
+    The emulator is TCG whatever the host offers: nested hardware virtualisation may open and then hang.
+    """
+    remove(results)
+    results.mkdir(parents=True)
+    quoted = pytest_options.replace("\\", "\\\\").replace('"', '\\"')
+    (results / "environment").write_text(f'PYTEST_ADDOPTS="{quoted}"\n', encoding="utf-8")
+    disks = [
+        option
+        for disk in machine.disks
+        for option in ("-drive", f"file={disk},if=virtio,format=raw,snapshot=on,cache=unsafe")
+    ]
+    command = [
+        *("timeout", "--kill-after=10", str(round(limit_s))),
+        *("qemu-system-x86_64", "-accel", "tcg,tb-size=512", "-cpu", PROCESSOR, "-smp", "1", "-m", str(MEMORY_MB)),
+        *("-icount", INSTRUCTIONS),
+        *("-nodefaults", "-no-user-config", "-no-reboot", "-display", "none"),
+        *("-serial", f"file:{results / 'console.txt'}"),
+        *("-kernel", str(machine.kernel), "-initrd", str(machine.boot), "-append", COMMAND_LINE),
+        *disks,
+        *("-virtfs", f"local,path={results},mount_tag=results,security_model=none"),
+        *("-object", "can-bus,id=canbus0"),
+        *("-device", "kvaser_pci,canbus=canbus0", "-device", "kvaser_pci,canbus=canbus0"),
+    ]
+    ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    if ended.returncode == _TIMED_OUT:
+        raise FailedError(f"the machine did not end within {limit_s:.0f} s; see {results}")
+    if ended.returncode:
+        raise FailedError(f"the emulator failed: {' '.join(ended.stderr.split())}")

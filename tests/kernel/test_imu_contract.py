@@ -1,0 +1,18 @@
+"""The contract of every IMU source, on a real I2C adapter."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.contract import test_imu_source
+from tests.contract.test_imu_source import ImuRig
+from tests.kernel.contract import contract_tests
+from tests.kernel.imu_bench import kernel_imu
+
+globals().update(contract_tests(test_imu_source, "rig"))
+
+
+@pytest.fixture(params=["polled", "data_ready"])
+def rig(request: pytest.FixtureRequest) -> Iterator[ImuRig]:
+    with kernel_imu(with_line=request.param == "data_ready") as bench:
+        yield bench

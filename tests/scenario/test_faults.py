@@ -1,0 +1,77 @@
+"""A few quick faults through the real running daemon: its flag, its recovery, and nothing wrong in between.
+
+Nothing here depends on how fast the machine is: limits of time are for `gaiteyes faults` on a machine of its own.
+"""
+
+import math
+
+import pytest
+from typer.testing import CliRunner
+
+from cli.main import app
+from messages import Reason
+from sim_rig.faults.campaign import Campaign, Trial
+from sim_rig.faults.catalogue import CATALOGUE
+from sim_rig.faults.report import CampaignReport, TrialReport
+from sim_rig.faults.text import COLUMNS, line, row, summary
+
+FLAGS = {"imu-nak-eio": Reason.NO_IMU, "cam-frozen": Reason.FROZEN_FRAME, "cam-both-black": Reason.LOW_TEXTURE}
+NAMES = (*FLAGS, "can-ankle-corrupted", "zenoh-port-taken", "file-configuration-broken")
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> CampaignReport:
+    told: list[TrialReport] = []
+    made = Campaign(1, tmp_path_factory.mktemp("faults"), told.append, patience_s=60.0)
+    try:
+        report = made.run([Trial((CATALOGUE[name],)) for name in NAMES])
+    finally:
+        made.close()
+    assert told == report.trials
+    return report
+
+
+def trial(campaign: CampaignReport, name: str) -> TrialReport:
+    (found,) = [report for report in campaign.trials if report.name == name]
+    return found
+
+
+@pytest.mark.parametrize(("name", "reason"), FLAGS.items())
+def test_a_fault_is_flagged_by_its_name_and_is_over(campaign: CampaignReport, name: str, reason: Reason) -> None:
+    found = trial(campaign, name).measured
+    assert found is not None
+    assert found.flag_reason == reason.value
+    assert math.isfinite(found.recovery_s)
+    assert (found.wrong, found.wrong_on_can, found.wrong_attitudes) == (0, 0, 0)
+
+
+def test_what_was_injected_was_counted(campaign: CampaignReport) -> None:
+    assert trial(campaign, "imu-nak-eio").counted["imu_bus_errors"] > 0
+    assert trial(campaign, "cam-frozen").counted["refused.frozen_frame"] > 0
+    assert trial(campaign, "can-ankle-corrupted").counted["can_bus.ankle_refused"] > 0
+
+
+def test_what_cannot_start_says_why_in_one_line(campaign: CampaignReport) -> None:
+    taken = trial(campaign, "zenoh-port-taken")
+    assert (taken.failures, taken.verdict) == ([], "pass")
+    assert "address is in use" in taken.told
+    broken = trial(campaign, "file-configuration-broken")
+    assert broken.failures == []
+    assert "gaiteyes.toml" in broken.told
+
+
+def test_a_campaign_reads_as_a_table_and_as_json(campaign: CampaignReport) -> None:
+    assert all(len(row(report)) == len(COLUMNS) for report in campaign.trials)
+    assert "address is in use" in line(trial(campaign, "zenoh-port-taken"))
+    facts = dict(summary(campaign))
+    assert facts["starts, stops that hung"].endswith(", 0")
+    assert campaign.fault_free.frames > 0
+    assert campaign.process is not None
+
+
+def test_the_catalogue_is_listed_and_an_unknown_name_is_one_line() -> None:
+    listed = CliRunner().invoke(app, ["faults", "--list", "--only", "cam-unplugged"])
+    assert listed.exit_code == 0
+    assert "cam-unplugged-2s  camera, flagged ≤ 150 ms" in listed.output
+    unknown = CliRunner().invoke(app, ["faults", "--only", "cam-on-fire"])
+    assert "--only cam-on-fire" in str(unknown.exception)

@@ -1,0 +1,159 @@
+"""The verdicts: each contradiction within 3 s of motion, no false one, recovery within 2 s, nothing from standing."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from messages import Calibration, Pose, Reason, matrix3, vec3
+from perception.consistency import ConsistencyMonitor, Subject, Verdict
+from perception.ego_motion import EgoMotion
+from sim_rig.unit import draw_unit
+from tests.seen_motion import P_BC_M, R_BC, START_NS, WALKING_NS, FeltAt, arrivals_until
+
+S = 1_000_000_000
+Alter = Callable[[FeltAt | EgoMotion], FeltAt | EgoMotion]
+ACCEL, GYRO = range(3), range(3, 6)
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Calibration:
+    mounted = Pose(R=matrix3(R_BC), p_m=vec3(P_BC_M))
+    return msgspec.structs.replace(draw_unit(4).exact_calibration(), X_BL=mounted)
+
+
+class Heard:
+    """What a monitor says, with the time of each word."""
+
+    def __init__(self) -> None:
+        self.reasons: list[tuple[int, Reason]] = []
+        self.restarts_ns: list[int] = []
+        self.verdicts: dict[Subject, Verdict] = {}
+
+    def first_ns(self, since_ns: int) -> int:
+        return next(t_ns for t_ns, reason in self.reasons if t_ns >= since_ns and reason is not Reason.NONE)
+
+    def last_ns(self) -> int:
+        return max(t_ns for t_ns, reason in self.reasons if reason is not Reason.NONE)
+
+
+def heard(
+    calibration: Calibration, to_ns: int, alter: Alter | None = None, seed: int = 5, name: str = "level"
+) -> Heard:
+    monitor, words = ConsistencyMonitor(calibration, np.eye(3)), Heard()
+    for told in arrivals_until(to_ns, seed, name):
+        message = told if alter is None else alter(told)
+        if isinstance(message, FeltAt):
+            monitor.feel(message.t_ns, message.sf_B_mps2, message.w_B_radps)
+            now_ns = message.t_ns
+        elif isinstance(message, EgoMotion):
+            if monitor.see(message):
+                words.restarts_ns.append(now_ns)
+            words.reasons.append((now_ns, monitor.reason))
+    words.verdicts = monitor.verdicts
+    return words
+
+
+def flip(axis: int, from_ns: int, to_ns: int) -> Alter:
+    def alter(told: FeltAt | EgoMotion) -> FeltAt | EgoMotion:
+        if isinstance(told, EgoMotion) or not from_ns <= told.t_ns < to_ns:
+            return told
+        values = [*told.sf_B_mps2, *told.w_B_radps]
+        values[axis] = -values[axis]
+        return replace(told, sf_B_mps2=vec3(values[:3]), w_B_radps=vec3(values[3:]))
+
+    return alter
+
+
+def stamped(late_ns: Callable[[int], int]) -> Alter:
+    def alter(told: FeltAt | EgoMotion) -> FeltAt | EgoMotion:
+        if isinstance(told, FeltAt):
+            return told
+        return replace(
+            told,
+            t_before_ns=told.t_before_ns + late_ns(told.t_before_ns),
+            t_after_ns=told.t_after_ns + late_ns(told.t_after_ns),
+        )
+
+    return alter
+
+
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_a_walk_raises_no_alarm_and_shows_that_all_is_well(calibration: Calibration, seed: int) -> None:
+    words = heard(calibration, WALKING_NS + 5 * S, seed=seed)
+    assert {reason for _, reason in words.reasons} == {Reason.NONE}
+    assert set(words.verdicts.values()) == {Verdict.CONSISTENT}
+
+
+def test_standing_tells_nothing(calibration: Calibration) -> None:
+    words = heard(calibration, START_NS + 6 * S, name="standing")
+    assert {reason for _, reason in words.reasons} == {Reason.NONE}
+    assert set(words.verdicts.values()) == {Verdict.UNKNOWN}
+
+
+@pytest.mark.parametrize("axis", [*ACCEL, *GYRO])
+def test_a_changed_sign_is_seen_in_three_seconds_and_forgiven_in_two(calibration: Calibration, axis: int) -> None:
+    end_ns = WALKING_NS + 4 * S
+    words = heard(calibration, end_ns + 3 * S, flip(axis, WALKING_NS, end_ns))
+    assert all(reason is Reason.NONE for t_ns, reason in words.reasons if t_ns < WALKING_NS)
+    assert words.first_ns(WALKING_NS) < WALKING_NS + 3 * S
+    assert {reason for _, reason in words.reasons} == {Reason.NONE, Reason.IMU_INCONSISTENT}
+    assert words.last_ns() < end_ns + 2 * S
+    assert end_ns < words.restarts_ns[-1] < end_ns + 2 * S
+    assert set(words.verdicts.values()) == {Verdict.CONSISTENT}
+
+
+@pytest.mark.parametrize("axis", [*ACCEL, *GYRO])
+def test_a_sign_wrong_from_the_start_is_seen_once_the_wearer_walks(calibration: Calibration, axis: int) -> None:
+    words = heard(calibration, WALKING_NS + 3 * S, flip(axis, 0, 10**18))
+    assert words.first_ns(0) < WALKING_NS + 3 * S
+    assert words.reasons[-1][1] is Reason.IMU_INCONSISTENT
+
+
+@pytest.mark.parametrize("by_ms", [-80, -50, -20, 20, 50, 80])
+def test_stamps_that_are_off_are_seen_in_three_seconds(calibration: Calibration, by_ms: int) -> None:
+    words = heard(calibration, WALKING_NS + 3 * S, stamped(lambda _: by_ms * 1_000_000))
+    assert words.first_ns(0) < WALKING_NS + 2 * S
+    assert words.reasons[-1][1] is Reason.TIME_INCONSISTENT
+
+
+@pytest.mark.parametrize("by_ms", [-6, 6])
+def test_stamps_that_are_off_by_less_than_stated_are_left_alone(calibration: Calibration, by_ms: int) -> None:
+    words = heard(calibration, WALKING_NS + 4 * S, stamped(lambda _: by_ms * 1_000_000))
+    assert {reason for _, reason in words.reasons} == {Reason.NONE}
+
+
+@pytest.mark.parametrize("rate", [-0.01, 0.01])
+def test_a_clock_that_drifts_is_seen_in_three_seconds(calibration: Calibration, rate: float) -> None:
+    drifting = stamped(lambda t_ns: round(rate * max(0, t_ns - WALKING_NS)))
+    words = heard(calibration, WALKING_NS + 4 * S, drifting)
+    assert words.first_ns(WALKING_NS) < WALKING_NS + 3 * S
+    assert words.reasons[-1][1] is Reason.TIME_INCONSISTENT
+
+
+def test_a_contradiction_is_not_forgiven_while_nothing_is_seen(calibration: Calibration) -> None:
+    monitor = ConsistencyMonitor(calibration, np.eye(3))
+    for told in arrivals_until(WALKING_NS + 3 * S, 5):
+        message = flip(4, 0, 10**18)(told)
+        if isinstance(message, FeltAt):
+            monitor.feel(message.t_ns, message.sf_B_mps2, message.w_B_radps)
+        elif isinstance(message, EgoMotion):
+            monitor.see(message)
+    for _ in range(100):
+        assert not monitor.see(None)
+    assert monitor.reason is Reason.IMU_INCONSISTENT
+    assert monitor.verdicts[Subject.GYRO_Y] is Verdict.INCONSISTENT
+    assert monitor.verdicts[Subject.GYRO_X] is Verdict.CONSISTENT
+
+
+def test_lost_samples_are_no_contradiction(calibration: Calibration) -> None:
+    monitor = ConsistencyMonitor(calibration, np.eye(3))
+    for told in arrivals_until(WALKING_NS + 4 * S, 5):
+        if isinstance(told, FeltAt):
+            if not WALKING_NS + S <= told.t_ns < WALKING_NS + S + S // 5:
+                monitor.feel(told.t_ns, told.sf_B_mps2, told.w_B_radps)
+        else:
+            monitor.see(told)
+            assert monitor.reason is Reason.NONE

@@ -1,0 +1,140 @@
+"""The catalogue is complete, every fault can be made on the rig's objects, and nothing of it stays."""
+
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from drivers.mpu6050_registers import Register
+from messages import UserError
+from sim_rig.faults.bench import Bench
+from sim_rig.faults.catalogue import CATALOGUE, carry_out, expected_together, named, pairs
+from sim_rig.faults.daemon_process import Order
+from sim_rig.faults.fault import Expect, Fault, Layer, Tamper
+from sim_rig.faults.played_camera import TRANSFER_S, Pair
+from sim_rig.walk.scenario import scenario
+from sim_rig.wearer import SimulatedWearer
+
+TAMPERED = [fault for fault in CATALOGUE.values() if isinstance(fault.act, Tamper)]
+
+
+def test_there_are_sixty_faults_on_every_layer_and_each_says_what_must_follow() -> None:
+    assert len(CATALOGUE) >= 60
+    assert set(Layer) == {fault.layer for fault in CATALOGUE.values()}
+    for fault in CATALOGUE.values():
+        assert (fault.limit_s > 0.0) is (fault.expect is Expect.FLAGGED), fault.name
+        without_reason = fault.expect in (Expect.FLAGGED, Expect.REFUSED)
+        assert bool(fault.reason) is not without_reason, fault.name
+        assert fault.how
+
+
+def test_thirty_pairs_are_drawn_by_the_seed_alone() -> None:
+    drawn = pairs(30, seed=1)
+    assert len({frozenset((a.name, b.name)) for a, b in drawn}) == 30
+    assert drawn == pairs(30, seed=1)
+    assert drawn != pairs(30, seed=2)
+    assert max(Counter(fault.name for pair in drawn for fault in pair).values()) <= 3
+    for first, second in drawn:
+        assert first.touches
+        assert second.touches
+        assert first.touches != second.touches
+        assert Expect.UNDETECTABLE not in (first.expect, second.expect)
+
+
+def test_two_faults_are_flagged_as_soon_as_the_sooner_one() -> None:
+    assert expected_together(CATALOGUE["imu-nak-eio"], CATALOGUE["cam-frozen"])[:2] == (Expect.FLAGGED, 0.050)
+    slow = expected_together(CATALOGUE["imu-flip-gyro-x"], CATALOGUE["can-flood"])
+    assert slow == (Expect.FLAGGED, 3.0, True)
+    assert expected_together(CATALOGUE["imu-nak-once"], CATALOGUE["can-flood"])[0] is Expect.TOLERATED
+    assert expected_together(CATALOGUE["imu-nak-eio"], CATALOGUE["host-paused-2s"])[0] is Expect.SILENT
+
+
+def test_faults_are_named_by_their_beginning() -> None:
+    assert [fault.name for fault in named("cam-unplugged,imu-frozen")] == [
+        "cam-unplugged-2s",
+        "cam-unplugged-10s",
+        "imu-frozen",
+    ]
+    with pytest.raises(UserError, match="--only nothing"):
+        named("nothing")
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Bench]:
+    """One bench for all: its rendering process takes two seconds to start."""
+    wearer = SimulatedWearer(1, scenario("standing"), 0)
+    with closing(Bench(wearer)) as made:
+        yield made
+
+
+def touch(bench: Bench) -> None:
+    """Let the chip see a transfer, in which its faults happen."""
+    bench.chip.write(bytes([Register.WHO_AM_I]))
+    bench.chip.read(1)
+
+
+def state(bench: Bench) -> dict[str, object]:
+    node, kernel = bench.camera.node, bench.camera.kernel
+    with closing(bench.wires.open()) as bus:
+        answers = bus.read_byte_data(0x68, Register.WHO_AM_I)
+    return {
+        "identity": answers,
+        "habits": dict(bench.chip.habits),
+        "spoils": dict(bench.camera.spoils),
+        "mishaps": dict(bench.camera.mishaps),
+        "stamp": node.stamp_jitter_s(0),
+        "transfer": node.transfer_s,
+        "period": node.slow_period_s,
+        "held": node.held,
+        "call": (kernel.dequeue_error, kernel.silent),
+    }
+
+
+@pytest.mark.parametrize("fault", TAMPERED, ids=lambda fault: fault.name)
+def test_every_fault_of_the_bench_comes_and_goes(bench: Bench, fault: Fault) -> None:
+    before = state(bench)
+    assert before["transfer"] == TRANSFER_S
+    carry_out(bench, Order(fault.name, inject=True))
+    touch(bench)
+    carry_out(bench, Order(fault.name, inject=False))
+    failed = sum(fails(bench) for _ in range(_MOST_FAILURES))
+    assert failed < _MOST_FAILURES
+    touch(bench)
+    assert state(bench) == before
+
+
+_MOST_FAILURES = 4
+
+
+def fails(bench: Bench) -> bool:
+    """Whether a transfer still fails: what was to fail once may have had no transfer to befall yet."""
+    try:
+        with closing(bench.wires.open()) as bus:
+            bus.read_byte_data(0x68, Register.WHO_AM_I)
+    except OSError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize(
+    "fault", [fault for fault in TAMPERED if fault.touches == "pictures"], ids=lambda fault: fault.name
+)
+def test_a_spoilt_picture_differs_and_the_true_one_stays(bench: Bench, fault: Fault) -> None:
+    rng = np.random.default_rng(2)
+    carry_out(bench, Order(fault.name, inject=True))
+    (spoil,) = bench.camera.spoils.values()
+    changed = []
+    for _ in range(2):
+        true: Pair = (rng.integers(40, 200, (720, 1280), np.uint8), rng.integers(40, 200, (720, 1280), np.uint8))
+        kept = (true[0].copy(), true[1].copy())
+        seen = spoil(true)
+        for before, after, shown in zip(kept, true, seen, strict=True):
+            np.testing.assert_array_equal(before, after)
+            assert shown.shape == (720, 1280)
+            assert shown.dtype == np.uint8
+        changed.append(any(not np.array_equal(a, b) for a, b in zip(true, seen, strict=True)))
+    carry_out(bench, Order(fault.name, inject=False))
+    assert changed[-1]
+    assert not bench.camera.spoils
