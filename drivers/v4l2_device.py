@@ -19,7 +19,7 @@ import numpy as np
 from drivers import uvc_abi as uvc
 from drivers import v4l2_abi as v4l2
 from drivers.protocols import DeviceError
-from drivers.v4l2_formats import PIXEL_TYPES, ListedStruct, Pixels, WantedFormat, choices, format_name, offers
+from drivers.v4l2_formats import PIXEL_TYPES, ListedStruct, Pixels, WantedFormat, format_name, listed
 
 IoctlArgument = ctypes.Structure | ctypes.c_int
 
@@ -187,17 +187,16 @@ class V4l2Device:
             raise DeviceError(f"{self.name}: cannot stream into mapped buffers")
 
     def _set_format(self, wanted: WantedFormat, rate_hz: int) -> tuple[v4l2.PixFormat, Fraction]:
-        offered = list(offers(self._exists, wanted))
+        offered = listed(self._exists, wanted)
         request = v4l2.Format(type=v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE)
         pix = request.fmt.pix
-        for fourcc, chosen_hz in choices(offered, wanted, rate_hz):
+        for fourcc, chosen_hz in offered.choices(wanted, rate_hz):
             pix.width, pix.height, pix.pixelformat = wanted.width, wanted.height, fourcc
             pix.field = v4l2.V4L2_FIELD_NONE
             self._control(v4l2.VIDIOC_S_FMT, request, "setting the image format")
             if (pix.pixelformat, pix.width, pix.height) == (fourcc, wanted.width, wanted.height):
                 return pix, chosen_hz
-        listed = ", ".join(map(str, offered)) or "no list of formats"
-        raise DeviceError(f"{self.name}: {wanted}; the camera answers {format_name(pix)} and offers {listed}")
+        raise DeviceError(f"{self.name}: {wanted}; the camera answers {format_name(pix)} and offers {offered}")
 
     def _exists(self, request: int, argument: ListedStruct) -> bool:
         try:

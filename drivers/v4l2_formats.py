@@ -3,9 +3,8 @@
 Reference: Linux Media Infrastructure userspace API, "ioctl VIDIOC_ENUM_FMT", "… FRAMESIZES" and "… FRAMEINTERVALS".
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
-from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +27,7 @@ GREY_FORMATS = (v4l2.V4L2_PIX_FMT_GREY, v4l2.V4L2_PIX_FMT_YUYV)
 
 _GRID_HZ = 1e9 / GRID_NS
 _SAME_RATE = 0.01
+_LONGEST_LIST = 256
 
 ListedStruct = v4l2.FmtDesc | v4l2.FrmSizeEnum | v4l2.FrmIvalEnum
 Exists = Callable[[int, ListedStruct], bool]
@@ -106,28 +106,43 @@ def unfitness(rate_hz: Fraction, asked_hz: int) -> tuple[bool, bool, Fraction, F
     return not is_asked, not meets_grid, missing_hz, abs(rate_hz - asked_hz)
 
 
-def choices(offers: Iterable[Offer], wanted: WantedFormat, asked_hz: int) -> list[Choice]:
-    """Return what to ask for, one after the other, until the camera agrees; the list may leave out what it can do."""
-    found = [
-        Choice(offer.fourcc, offer.rates.nearest(asked_hz))
-        for offer in offers
-        if offer.fourcc in wanted.fourccs and offer.holds(wanted.width, wanted.height)
-    ]
-    found.sort(key=lambda choice: (unfitness(choice.rate_hz, asked_hz), wanted.fourccs.index(choice.fourcc)))
-    return found or [Choice(fourcc, Fraction(asked_hz)) for fourcc in wanted.fourccs]
+class Listed(NamedTuple):
+    """What a camera lists: images in the pixel formats wanted, and the names of its other formats."""
+
+    offers: list[Offer]
+    others: list[str]
+
+    def choices(self, wanted: WantedFormat, asked_hz: int) -> list[Choice]:
+        """Return what to ask for, one after the other, until the camera agrees; it may do more than it lists."""
+        found = [
+            Choice(offer.fourcc, offer.rates.nearest(asked_hz))
+            for offer in self.offers
+            if offer.holds(wanted.width, wanted.height)
+        ]
+        found.sort(key=lambda choice: (unfitness(choice.rate_hz, asked_hz), wanted.fourccs.index(choice.fourcc)))
+        return found or [Choice(fourcc, Fraction(asked_hz)) for fourcc in wanted.fourccs]
+
+    def __str__(self) -> str:
+        """Return it as a person reads it."""
+        return ", ".join((*map(str, self.offers), *self.others)) or "no list of formats"
 
 
-def offers(exists: Exists, wanted: WantedFormat) -> Iterator[Offer]:
-    """Yield all that the camera lists; a range of sizes comes with the rates of the size wanted."""
-    for format_index in count():
+def listed(exists: Exists, wanted: WantedFormat) -> Listed:
+    """Return what the camera lists; a range of sizes comes with the rates of the size wanted."""
+    found = Listed([], [])
+    for format_index in range(_LONGEST_LIST):
         description = v4l2.FmtDesc(index=format_index, type=v4l2.V4L2_BUF_TYPE_VIDEO_CAPTURE)
         if not exists(v4l2.VIDIOC_ENUM_FMT, description):
-            return
-        yield from _sizes(exists, description.pixelformat, wanted)
+            break
+        if description.pixelformat in wanted.fourccs:
+            found.offers.extend(_sizes(exists, description.pixelformat, wanted))
+        else:
+            found.others.append(_name(description.pixelformat))
+    return found
 
 
 def _sizes(exists: Exists, fourcc: int, wanted: WantedFormat) -> Iterator[Offer]:
-    for size_index in count():
+    for size_index in range(_LONGEST_LIST):
         size = v4l2.FrmSizeEnum(index=size_index, pixel_format=fourcc)
         if not exists(v4l2.VIDIOC_ENUM_FRAMESIZES, size):
             return
@@ -143,7 +158,7 @@ def _sizes(exists: Exists, fourcc: int, wanted: WantedFormat) -> Iterator[Offer]
 
 def _rates(exists: Exists, fourcc: int, width: int, height: int) -> Rates:
     found: list[Fraction] = []
-    for index in count():
+    for index in range(_LONGEST_LIST):
         interval = v4l2.FrmIvalEnum(index=index, pixel_format=fourcc, width=width, height=height)
         if not exists(v4l2.VIDIOC_ENUM_FRAMEINTERVALS, interval):
             return Rates(tuple(found))

@@ -8,6 +8,7 @@ every value is read back, and a camera that answers otherwise is refused in one 
 """
 
 import math
+import statistics
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -137,7 +138,7 @@ def fix_exposure(
         registers.write_sensor(eye, _EXPOSURE_ROWS, rows << 4)
         registers.write_sensor(eye, _GAIN, raw_gain(gain_percent))
         exposures_s.append(rows * row_s)
-    return math.fsum(exposures_s) / len(exposures_s)
+    return statistics.fmean(exposures_s)
 
 
 def raw_gain(percent: float) -> int:

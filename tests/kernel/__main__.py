@@ -1,7 +1,8 @@
 """`python -m tests.kernel [PYTEST OPTIONS]`: build the machine, run the tests of this folder in it, judge the results.
 
-Exit code 0 if all passed or the host cannot run them (one line says why), 1 otherwise. What is left in build/kernel:
-results/junit.xml, results/pytest.txt, results/journal.txt, results/console.txt and build.log.
+Two machines share the tests, for two processors. Exit code 0 if all passed or the host cannot run them (one line says
+why), 1 otherwise. What is left in build/kernel: build.log, and for each machine results-NAME/ with junit.xml,
+pytest.txt, journal.txt and console.txt.
 """
 
 import shlex
@@ -11,7 +12,13 @@ from tests.kernel.machine import boot, debian, host, initial, kernel, packages, 
 from tests.kernel.machine.host import WORKSHOP, FailedError, SkippedError
 from tests.kernel.machine.verdict import print_verdict
 
-LIMIT_S = 900.0
+LIMIT_S = 1500.0
+_SERVICE = ("tests/kernel/test_service.py", "tests/kernel/test_can.py", "tests/kernel/test_can_contract.py")
+SHARES = {
+    "devices": " ".join(("tests/kernel", *(f"--ignore={file}" for file in _SERVICE))),
+    "service": " ".join(_SERVICE),
+}
+"""Which tests each machine runs."""
 
 
 def main(pytest_options: list[str]) -> int:
@@ -26,10 +33,11 @@ def main(pytest_options: list[str]) -> int:
         built = kernel.built(linux)
         disks = [debian.debian_disk(linux, built), packages.packages_disk(), project.project_disk()]
         machine = boot.Machine(built / "vmlinuz", initial.boot_disk(linux, built), disks)
-        results = WORKSHOP / "results"
+        asked = shlex.join(pytest_options)
+        results = {WORKSHOP / f"results-{name}": f"{share} {asked}" for name, share in SHARES.items()}
         with host.step(f"running Linux {linux.release}"):
-            boot.run(machine, results, shlex.join(pytest_options), limit_s=LIMIT_S)
-        return 0 if print_verdict(results / "junit.xml") else 1
+            boot.run_all(machine, results, limit_s=LIMIT_S)
+        return 0 if print_verdict([folder / "junit.xml" for folder in results]) else 1
     except SkippedError as reason:
         print(f"skipped: {reason}")
         return 0

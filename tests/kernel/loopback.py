@@ -13,11 +13,11 @@ from tests.kernel.modules import load_module
 NUMBER = 20
 NODE = f"/dev/video{NUMBER}"
 EYE_PX = (96, 40)
-FEED_HZ = 30
+FEED_HZ = 20
 
 
 class FedLoopback:
-    """Shows `scene` 30 times a second from `plug_in` to `unplug`."""
+    """Shows `scene` 20 times a second from `plug_in` to `unplug`."""
 
     def __init__(self, eye_px: tuple[int, int] = EYE_PX, scene: Scene | None = None) -> None:
         if not Path(NODE).exists():

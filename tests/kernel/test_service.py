@@ -1,6 +1,6 @@
 """The real unit file under systemd, with an IMU, a camera, a CAN bus and a Zenoh subscriber of this machine.
 
-Each test leaves the service running on all its devices, as it found it.
+The tests follow the service's life, in order: a start takes long here, so each but the last leaves it running.
 """
 
 import json
@@ -37,9 +37,9 @@ class Ears:
         """Return what has been heard on `topic` so far."""
         return list(self.heard.get(topic, ()))
 
-    def newest(self, topic: str, field: str) -> Any:
-        """Return a field of the newest message, None if there is none."""
-        return self.of(topic)[-1].get(field) if self.of(topic) else None
+    def said(self, topic: str, field: str) -> set[Any]:
+        """Return the values that a field has had so far."""
+        return {message[field] for message in self.of(topic)}
 
     def forget(self) -> None:
         """Begin anew."""
@@ -65,21 +65,25 @@ def wearable() -> Iterator[Wearable]:
 
 @pytest.fixture
 def ears(wearable: Wearable) -> Iterator[Ears]:
-    """Ears on a service that sees and feels."""
+    """Ears on the service, however often it is started anew meanwhile."""
     listening = Ears(wearable.zenoh_endpoint)
-    unit.until(lambda: listening.newest("ground", "status") == "valid", "valid ground")
-    listening.forget()
     yield listening
     listening.close()
 
 
-def test_it_says_ready_and_what_it_sees(ears: Ears) -> None:
+def until_valid(ears: Ears) -> None:
+    """Wait for ground that the service calls valid from now on."""
+    ears.forget()
+    unit.until(lambda: "valid" in ears.said("ground", "status"), "valid ground")
+
+
+def test_it_says_ready_and_what_it_sees(wearable: Wearable) -> None:
     assert (unit.shown("ActiveState"), unit.shown("SubState")) == ("active", "running")
     unit.until(lambda: unit.shown("StatusText"), "a status line")
     assert unit.shown("NRestarts") == "0", unit.journal()
 
 
-def test_it_runs_as_its_own_user_without_privileges(ears: Ears) -> None:
+def test_it_runs_as_its_own_user_without_privileges(wearable: Wearable) -> None:
     with open(f"/proc/{unit.main_pid()}/status", encoding="ascii") as file:
         facts = dict(line.rstrip("\n").split(":\t", 1) for line in file if ":\t" in line)
     assert facts["Uid"].split()[0] != "0"
@@ -87,130 +91,109 @@ def test_it_runs_as_its_own_user_without_privileges(ears: Ears) -> None:
     assert (facts["NoNewPrivs"], facts["Seccomp"]) == ("1", "2")
 
 
-def test_every_estimate_is_published_live_and_right(ears: Ears, wearable: Wearable) -> None:
-    unit.until(lambda: {"ground", "attitude", "health"} <= ears.heard.keys(), "all topics")
-    unit.until(lambda: len(ears.of("ground")) >= 20, "twenty estimates")
-    valid = [ground for ground in ears.of("ground") if ground["status"] == "valid"]
-    assert valid
-    for ground in valid:
-        assert ground["source"] == "live"
-        assert ground["height_m"] == pytest.approx(wearable.height_m, abs=0.03)
-        assert abs(ground["slope_sagittal_rad"]) < 0.05
-    health = ears.of("health")[-1]
-    assert health["imu_samples"] > 0
-    assert health["frames"] > 0
-    assert health["zenoh_errors"] == 0
-
-
-def test_the_ankle_hears_the_ground_on_can(ears: Ears) -> None:
-    with can.Bus(CAN_NAME, "socketcan") as ankle:
-        heard = [ankle.recv(5.0) for _ in range(10)]
-    identifiers = {frame.arbitration_id for frame in heard if frame is not None}
-    assert can_id(CanMessage.GROUND) in identifiers
-
-
-def test_the_imu_is_read_before_everything_else(ears: Ears) -> None:
+def test_the_imu_is_read_before_everything_else(wearable: Wearable) -> None:
     threads = [int(task) for task in os.listdir(f"/proc/{unit.main_pid()}/task")]
     priorities = [os.sched_getparam(task).sched_priority for task in threads]
     assert max(priorities) == FIFO_PRIORITIES["imu"]
     assert min(priorities) == 0
 
 
-def test_a_camera_unplugged_is_told_and_back_when_it_is(ears: Ears, wearable: Wearable) -> None:
-    pid = unit.main_pid()
-    wearable.camera.unplug()
-    unit.until(lambda: ears.newest("ground", "status") == "invalid", "invalid ground")
-    assert ears.newest("ground", "height_m") is None
-    wearable.camera.plug_in()
-    unit.until(lambda: ears.newest("ground", "status") == "valid", "valid ground")
-    assert unit.main_pid() == pid
+def test_what_it_publishes_is_live_and_right(ears: Ears, wearable: Wearable) -> None:
+    until_valid(ears)
+    unit.until(lambda: {"ground", "attitude", "health"} <= ears.heard.keys(), "all topics")
+    for ground in ears.of("ground"):
+        assert ground["source"] == "live"
+        if ground["status"] == "valid":
+            assert ground["height_m"] == pytest.approx(wearable.height_m, abs=0.03)
+            assert abs(ground["slope_sagittal_rad"]) < 0.05
+        else:
+            assert ground["height_m"] is None
+    health = ears.of("health")[-1]
+    assert health["imu_samples"] > 0
+    assert health["frames"] > 0
+    assert health["zenoh_errors"] == 0
 
 
-def test_an_imu_unplugged_is_told_and_back_when_it_is(ears: Ears, wearable: Wearable) -> None:
-    pid = unit.main_pid()
-    wearable.chip.unplug()
-    unit.until(lambda: ears.newest("ground", "status") == "invalid", "invalid ground")
-    wearable.chip.plug_in()
-    unit.until(lambda: ears.newest("ground", "status") == "valid", "valid ground")
-    assert unit.main_pid() == pid
+def test_the_ankle_hears_the_ground_on_can(wearable: Wearable) -> None:
+    with can.Bus(CAN_NAME, "socketcan") as ankle:
+        heard = [ankle.recv(5.0) for _ in range(10)]
+    assert can_id(CanMessage.GROUND) in {frame.arbitration_id for frame in heard if frame is not None}
 
 
-def test_a_reload_takes_the_new_configuration_and_leaves_the_process(ears: Ears) -> None:
+def test_a_reload_takes_what_is_right_and_leaves_the_process(ears: Ears) -> None:
     pid = unit.main_pid()
     file = unit.CONFIGURATION / "gaiteyes.toml"
     before = file.read_text(encoding="utf-8")
-    file.write_text(before.replace("ahead_m = 0.7", "ahead_m = 0.65"), encoding="utf-8")
-    unit.control("reload")
-    unit.until(lambda: ears.newest("ground", "ahead_m") == pytest.approx(0.65), "the new foothold")
     file.write_text("nonsense", encoding="utf-8")
     unit.control("reload")
-    time.sleep(1.0)
-    assert ears.newest("ground", "ahead_m") == pytest.approx(0.65)
-    file.write_text(before, encoding="utf-8")
+    unit.until(lambda: "reload refused" in unit.journal(), "the refusal")
+    file.write_text(before.replace("ahead_m = 0.7", "ahead_m = 0.65"), encoding="utf-8")
     unit.control("reload")
-    unit.until(lambda: ears.newest("ground", "ahead_m") == pytest.approx(0.7), "the old foothold")
+    unit.until(lambda: 0.65 in ears.said("ground", "ahead_m"), "the new foothold")
+    file.write_text(before, encoding="utf-8")
+    assert unit.main_pid() == pid
+
+
+@pytest.mark.parametrize(("device", "reason"), [("camera", "no_frame"), ("chip", "no_imu")])
+def test_a_device_unplugged_is_told_and_back_when_it_is(
+    ears: Ears, wearable: Wearable, device: str, reason: str
+) -> None:
+    pid = unit.main_pid()
+    until_valid(ears)
+    getattr(wearable, device).unplug()
+    unit.until(lambda: reason in ears.said("ground", "reason"), reason)
+    time.sleep(0.5)
+    ears.forget()
+    time.sleep(0.5)
+    assert "valid" not in ears.said("ground", "status")
+    getattr(wearable, device).plug_in()
+    until_valid(ears)
     assert unit.main_pid() == pid
 
 
 def test_a_killed_service_is_started_again(wearable: Wearable) -> None:
-    pid, restarts = unit.main_pid(), int(unit.shown("NRestarts"))
+    pid = unit.main_pid()
     os.kill(pid, signal.SIGKILL)
     unit.until_restarted(pid)
-    assert int(unit.shown("NRestarts")) == restarts + 1
+    assert unit.shown("NRestarts") == "1"
 
 
-def test_a_stopped_process_starves_the_watchdog_and_is_started_again(ears: Ears) -> None:
+def test_a_thread_that_hangs_in_a_device_starves_the_watchdog(wearable: Wearable) -> None:
     pid = unit.main_pid()
-    os.kill(pid, signal.SIGSTOP)
-    unit.until_restarted(pid)
-    assert "watchdog" in unit.journal().lower()
-
-
-def test_a_thread_that_hangs_in_a_device_starves_the_watchdog(ears: Ears, wearable: Wearable) -> None:
-    pid = unit.main_pid()
-    set_adapter_timeout(wearable.chip.bus_number, 20.0)
+    unit.until(lambda: unit.shown("StatusText"), "a status line")
+    set_adapter_timeout(wearable.chip.bus_number, 600.0)
     wearable.chip.server.mute = True
     unit.until(lambda: unit.main_pid() != pid, "the watchdog")
     wearable.chip.server.mute = False
     set_adapter_timeout(wearable.chip.bus_number, 1.0)
+    assert "watchdog" in unit.journal().lower()
     unit.until_restarted(pid)
 
 
-def test_it_starts_without_its_devices_and_takes_them_when_they_come(ears: Ears, wearable: Wearable) -> None:
-    ears.close()
+def test_it_stops_cleanly(wearable: Wearable) -> None:
+    unit.control("stop")
+    ended = unit.shown("ActiveState"), unit.shown("Result"), unit.shown("ExecMainStatus")
+    assert ended == ("inactive", "success", "0"), unit.journal()
+
+
+def test_it_starts_without_its_devices_and_takes_them_when_they_come(wearable: Wearable) -> None:
     wearable.chip.unplug()
     wearable.camera.unplug()
-    unit.control("restart")
+    unit.control("start")
     assert unit.shown("ActiveState") == "active"
-    later = Ears(wearable.zenoh_endpoint)
-    unit.until(lambda: later.of("health"), "health")
-    assert later.newest("health", "imu_samples") == 0
+    ears = Ears(wearable.zenoh_endpoint)
+    unit.until(lambda: ears.of("health"), "health")
+    assert ears.said("health", "imu_samples") == ears.said("health", "frames") == {0}
     wearable.chip.plug_in()
     wearable.camera.plug_in()
-    unit.until(lambda: later.newest("ground", "status") == "valid", "valid ground")
-    later.close()
-
-
-def test_it_stops_cleanly(ears: Ears) -> None:
+    until_valid(ears)
     ears.close()
     unit.control("stop")
-    assert (unit.shown("ActiveState"), unit.shown("Result"), unit.shown("ExecMainStatus")) == (
-        "inactive",
-        "success",
-        "0",
-    ), unit.journal()
-    unit.control("start")
 
 
-def test_a_mistake_in_the_configuration_is_one_line_and_no_loop(ears: Ears) -> None:
-    ears.close()
-    unit.control("stop")
-    file = unit.CONFIGURATION / "gaiteyes.toml"
-    before = file.read_text(encoding="utf-8")
-    file.write_text("device = 7\n", encoding="utf-8")
+def test_a_mistake_in_the_configuration_is_one_line_and_no_loop(wearable: Wearable) -> None:
+    (unit.CONFIGURATION / "gaiteyes.toml").write_text("device = 7\n", encoding="utf-8")
     with pytest.raises(AssertionError, match=unit.NAME):
         unit.control("start")
     assert (unit.shown("ActiveState"), unit.shown("ExecMainStatus")) == ("failed", "2")
     assert "gaiteyes.toml" in unit.journal(5)
-    file.write_text(before, encoding="utf-8")
-    unit.control("start")

@@ -14,6 +14,7 @@ from daemon.config import CameraConfig, Configuration, ImuConfig, format_configu
 from daemon.publish_zenoh import ZenohSettings
 from drivers.can_bus import CanInterface, CanSettings
 from messages import GreyImage
+from sim_rig.kernel.chip_server import INTERRUPT_LINE, gpio_chip_path
 from sim_rig.unit import draw_unit
 from tests.kernel import can_links, loopback
 from tests.kernel.imu_bench import KernelChip
@@ -54,7 +55,7 @@ class Wearable:
         """Write gaiteyes.toml and calibration.yaml."""
         configuration = Configuration(
             device=DEVICE,
-            imu=ImuConfig(bus=self.chip.bus_number),
+            imu=ImuConfig(bus=self.chip.bus_number, data_ready=f"{gpio_chip_path()}:{INTERRUPT_LINE}"),
             camera=CameraConfig(device=loopback.NODE),
             zenoh=ZenohSettings(listen=self.zenoh_endpoint),
             can=CanSettings(interface=CanInterface.SOCKETCAN, channel=CAN_NAME),

@@ -111,7 +111,7 @@ def test_interrupting_ends_cleanly_and_keeps_the_recording(tmp_path: Path) -> No
         (["run", "--config", "nowhere.toml"], "nowhere.toml: No such file"),
         (["evaluate", "rig", "--seeds", "a"], "--seeds a: expected"),
         (["run", "--nonsense"], "No such option: --nonsense"),
-        (["demo", "--seconds", "soon"], "soon"),
+        (["demo", "--seconds", "soon"], "'--seconds'"),
     ],
 )
 def test_a_mistake_is_one_clear_line(arguments: list[str], line: str) -> None:

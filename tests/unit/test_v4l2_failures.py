@@ -33,13 +33,13 @@ def test_another_size_is_refused_with_what_the_camera_offers() -> None:
     )
     assert line == (
         "/dev/video0 (ZED 2: ZED 2): two eyes of 64x32, the calibration's size, need GREY or YUYV 128x32; the camera "
-        "answers YUYV 1344x376 and offers YUYV 2560x720 (30, 60 Hz), YUYV 1344x376 (15 Hz), MJPG 128x32 (30 Hz)"
+        "answers YUYV 1344x376 and offers YUYV 2560x720 (30, 60 Hz), YUYV 1344x376 (15 Hz), MJPG"
     )
 
 
 def test_another_pixel_format_is_refused() -> None:
     line = refusal(node(modes=(Mode("MJPG", 128, 32, (30,)),)))
-    assert line.endswith("the camera answers MJPG 128x32 and offers MJPG 128x32 (30 Hz)")
+    assert line.endswith("the camera answers MJPG 128x32 and offers MJPG")
 
 
 def short_buffer(argument: IoctlArgument) -> None:

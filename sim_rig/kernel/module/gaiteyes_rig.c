@@ -83,7 +83,7 @@ static int rig_transfer(struct i2c_adapter *adapter, struct i2c_msg *msgs, int c
 	mutex_unlock(&lock);
 
 	wake_up_interruptible(&asked);
-	wait_for_completion_timeout(&answered, adapter->timeout);
+	wait_for_completion_killable_timeout(&answered, adapter->timeout);
 
 	mutex_lock(&lock);
 	messages = NULL;

@@ -1,7 +1,8 @@
 """Running the machine: one emulated processor, three disks, a folder for the results."""
 
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,7 +32,14 @@ class Machine:
     disks: Sequence[Path]
 
 
-def run(machine: Machine, results: Path, pytest_options: str, *, limit_s: float) -> None:
+def run_all(machine: Machine, results: Mapping[Path, str], *, limit_s: float) -> None:
+    """Run one machine for each folder of results, side by side, with pytest's options for each."""
+    with ThreadPoolExecutor(len(results)) as side_by_side:
+        for ended in [side_by_side.submit(run, machine, *each, limit_s) for each in results.items()]:
+            ended.result()
+
+
+def run(machine: Machine, results: Path, pytest_options: str, limit_s: float) -> None:
     """Boot, run the tests inside, power off; `results` then holds what they left. Raises FailedError after `limit_s`.
 
     The emulator is TCG whatever the host offers: nested hardware virtualisation may open and then hang.

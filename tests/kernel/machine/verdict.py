@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from tests.kernel.machine.host import FailedError
@@ -9,21 +10,22 @@ from tests.kernel.machine.host import FailedError
 OUTCOMES = ("passed", "skipped", "failed")
 
 
-def print_verdict(junit: Path) -> bool:
+def print_verdict(files: Sequence[Path]) -> bool:
     """Print a table of the tests by file, with failures and skips; return whether all is well.
 
-    Raises FailedError if there are no results.
+    Raises FailedError if a machine left no results.
     """
-    if not junit.exists():
-        raise FailedError(f"the machine left no results; see {junit.parent}")
     by_file: dict[str, Counter[str]] = {}
     remarks: list[str] = []
-    for case in ElementTree.parse(junit).getroot().iter("testcase"):
-        outcome, message = _outcome(case)
-        file = case.get("classname", "").rpartition(".")[2]
-        by_file.setdefault(file, Counter())[outcome] += 1
-        if outcome != "passed":
-            remarks.append(f"{outcome}: {file}::{case.get('name')}: {message}")
+    for junit in files:
+        if not junit.exists():
+            raise FailedError(f"the machine left no results; see {junit.parent}")
+        for case in ElementTree.parse(junit).getroot().iter("testcase"):
+            outcome, message = _outcome(case)
+            file = (case.get("classname") or case.get("name") or "").rpartition(".")[2]
+            by_file.setdefault(file, Counter())[outcome] += 1
+            if outcome != "passed":
+                remarks.append(f"{outcome}: {file}::{case.get('name')}: {message}")
     print(f"{'':30}" + "".join(f"{outcome:>9}" for outcome in OUTCOMES))
     for file, counts in sorted(by_file.items()):
         print(f"{file:30}" + "".join(f"{counts[outcome]:9}" for outcome in OUTCOMES))
