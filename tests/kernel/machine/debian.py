@@ -11,7 +11,7 @@ from tests.kernel.machine.kernel import KernelPackages
 UNITS = tuple((Path(__file__).parent / "guest" / f"kernel-tests.{kind}") for kind in ("target", "service"))
 GUEST_PACKAGES = (
     *("systemd", "udev", "kmod", "python3", "iproute2"),
-    "libnss-systemd",  # names of a DynamicUser
+    "procps",  # the unit's /bin/kill
 )
 MASKED = (
     *("apt-daily.timer", "apt-daily-upgrade.timer", "dpkg-db-backup.timer", "e2scrub_all.timer", "fstrim.timer"),
