@@ -10,7 +10,7 @@ from tests.kernel.machine.host import FailedError, remove
 
 MEMORY_MB = 2048
 INSTRUCTIONS = "shift=0,sleep=off"
-"""The machine's clock counts its instructions, a nanosecond each, and jumps to the next timer when it has nothing to do.
+"""The machine's clock counts its instructions, a nanosecond each, and jumps to the next timer when it has nothing else.
 
 So it is equally quick on any host, however busy, and pauses cost no time. A wait for a disk may look long inside.
 """
