@@ -53,7 +53,8 @@ def prioritise(thread: str) -> None:
 
 def be_ordinary() -> None:
     """Give the calling thread's priority back."""
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    # an ordinary user may not take SCHED_RESET_ON_FORK back
+    os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
 
 
 def _schedule(priority: int) -> None:

@@ -28,6 +28,8 @@ class LoopbackCamera:
         pix.bytesperline, pix.sizeimage = 4 * width_px, self._frame.nbytes
         try:
             self._fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+            # the loopback makes up its mind whether it can be fed only when it is asked
+            fcntl.ioctl(self._fd, v4l2.VIDIOC_QUERYCAP, v4l2.Capability(), True)
             fcntl.ioctl(self._fd, v4l2.VIDIOC_S_FMT, wanted, True)
         except OSError as error:
             raise UserError(f"{path}: cannot be fed with pictures: {error.strerror}") from error

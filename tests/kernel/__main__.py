@@ -12,7 +12,7 @@ from tests.kernel.machine import boot, debian, host, initial, kernel, packages, 
 from tests.kernel.machine.host import WORKSHOP, FailedError, SkippedError
 from tests.kernel.machine.verdict import print_verdict
 
-LIMIT_S = 1500.0
+LIMIT_S = 1200.0
 _SERVICE = ("tests/kernel/test_service.py", "tests/kernel/test_can.py", "tests/kernel/test_can_contract.py")
 SHARES = {
     "devices": " ".join(("tests/kernel", *(f"--ignore={file}" for file in _SERVICE))),
@@ -26,24 +26,28 @@ def main(pytest_options: list[str]) -> int:
     print("kernel tier:")
     try:
         host.require_debian()
-        host.require_packages(host.PACKAGES)
-        linux = kernel.current()
-        debian.require_same_python()
-        host.require_packages([linux.headers])
-        built = kernel.built(linux)
-        disks = [debian.debian_disk(linux, built), packages.packages_disk(), project.project_disk()]
-        machine = boot.Machine(built / "vmlinuz", initial.boot_disk(linux, built), disks)
-        asked = shlex.join(pytest_options)
-        results = {WORKSHOP / f"results-{name}": f"{share} {asked}" for name, share in SHARES.items()}
-        with host.step(f"running Linux {linux.release}"):
-            boot.run_all(machine, results, limit_s=LIMIT_S)
-        return 0 if print_verdict([folder / "junit.xml" for folder in results]) else 1
+        with host.alone():
+            return 0 if _run(shlex.join(pytest_options)) else 1
     except SkippedError as reason:
         print(f"skipped: {reason}")
         return 0
     except FailedError as failure:
         print(f"failed: {failure}")
         return 1
+
+
+def _run(pytest_options: str) -> bool:
+    host.require_packages(host.PACKAGES)
+    linux = kernel.current()
+    debian.require_same_python()
+    host.require_packages([linux.headers])
+    built = kernel.built(linux)
+    disks = [debian.debian_disk(linux, built), packages.packages_disk(), project.project_disk()]
+    machine = boot.Machine(built / "vmlinuz", initial.boot_disk(linux, built), disks)
+    results = {WORKSHOP / f"results-{name}": f"{share} {pytest_options}" for name, share in SHARES.items()}
+    with host.step(f"running Linux {linux.release}"):
+        boot.run_all(machine, results, limit_s=LIMIT_S)
+    return print_verdict([folder / "junit.xml" for folder in results])
 
 
 if __name__ == "__main__":

@@ -74,7 +74,7 @@ def ears(wearable: Wearable) -> Iterator[Ears]:
 def until_valid(ears: Ears) -> None:
     """Wait for ground that the service calls valid from now on."""
     ears.forget()
-    unit.until(lambda: "valid" in ears.said("ground", "status"), "valid ground")
+    unit.until(lambda: "valid" in ears.said("ground", "status"), "valid ground", pause_s=0.1)
 
 
 def test_it_says_ready_and_what_it_sees(wearable: Wearable) -> None:
@@ -141,7 +141,7 @@ def test_a_device_unplugged_is_told_and_back_when_it_is(
     pid = unit.main_pid()
     until_valid(ears)
     getattr(wearable, device).unplug()
-    unit.until(lambda: reason in ears.said("ground", "reason"), reason)
+    unit.until(lambda: reason in ears.said("ground", "reason"), reason, pause_s=0.1)
     time.sleep(0.5)
     ears.forget()
     time.sleep(0.5)
@@ -152,6 +152,7 @@ def test_a_device_unplugged_is_told_and_back_when_it_is(
 
 
 def test_a_killed_service_is_started_again(wearable: Wearable) -> None:
+    wearable.camera.unplug()
     pid = unit.main_pid()
     os.kill(pid, signal.SIGKILL)
     unit.until_restarted(pid)
@@ -179,7 +180,7 @@ def test_it_stops_cleanly(wearable: Wearable) -> None:
 def test_it_starts_without_its_devices_and_takes_them_when_they_come(wearable: Wearable) -> None:
     wearable.chip.unplug()
     wearable.camera.unplug()
-    unit.control("start")
+    unit.control("restart")
     assert unit.shown("ActiveState") == "active"
     ears = Ears(wearable.zenoh_endpoint)
     unit.until(lambda: ears.of("health"), "health")
@@ -188,10 +189,10 @@ def test_it_starts_without_its_devices_and_takes_them_when_they_come(wearable: W
     wearable.camera.plug_in()
     until_valid(ears)
     ears.close()
-    unit.control("stop")
 
 
 def test_a_mistake_in_the_configuration_is_one_line_and_no_loop(wearable: Wearable) -> None:
+    unit.control("stop")
     (unit.CONFIGURATION / "gaiteyes.toml").write_text("device = 7\n", encoding="utf-8")
     with pytest.raises(AssertionError, match=unit.NAME):
         unit.control("start")

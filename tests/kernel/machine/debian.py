@@ -9,10 +9,7 @@ from tests.kernel.machine.host import DIST_PACKAGES, PYTHON, WORKSHOP, cached, d
 from tests.kernel.machine.kernel import KernelPackages
 
 UNITS = tuple((Path(__file__).parent / "guest" / f"kernel-tests.{kind}") for kind in ("target", "service"))
-GUEST_PACKAGES = (
-    *("systemd", "udev", "kmod", "python3", "iproute2"),
-    "procps",  # the unit's /bin/kill
-)
+GUEST_PACKAGES = (*("systemd", "udev", "kmod", "python3", "iproute2"),)
 MASKED = (
     *("apt-daily.timer", "apt-daily-upgrade.timer", "dpkg-db-backup.timer", "e2scrub_all.timer", "fstrim.timer"),
     *("systemd-pcrphase.service", "systemd-random-seed.service", "systemd-update-utmp.service", "e2scrub_reap.service"),

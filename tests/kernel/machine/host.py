@@ -1,5 +1,6 @@
 """What the kernel tier asks of the host: commands, Debian's packages, and a cache for what takes long to make."""
 
+import fcntl
 import hashlib
 import os
 import shutil
@@ -60,6 +61,18 @@ def told(*command: str | Path) -> str:
 
 
 _ENVIRONMENT = {**os.environ, "DEBIAN_FRONTEND": "noninteractive", "LC_ALL": "C.UTF-8"}
+
+
+@contextmanager
+def alone() -> Iterator[None]:
+    """Hold the workshop for one run. Raises FailedError if another one has it."""
+    WORKSHOP.mkdir(parents=True, exist_ok=True)
+    with (WORKSHOP / "lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise FailedError("another run of the kernel tier is under way") from error
+        yield
 
 
 def require_debian() -> None:
