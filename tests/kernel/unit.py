@@ -57,7 +57,7 @@ def main_pid() -> int:
 
 
 def until(true: Callable[[], object], what: str, *, pause_s: float = 1.0, patience_s: float = PATIENCE_S) -> None:
-    """Look every `pause_s` until something is true. Raises AssertionError, with the end of the service's journal, if it takes long."""
+    """Look every `pause_s` until something is true. Raises AssertionError, with the journal's end, if it takes long."""
     end_s = time.monotonic() + patience_s
     while not true():
         assert time.monotonic() < end_s, f"{what}: not within {patience_s} s\n{journal()}"
