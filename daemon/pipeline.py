@@ -132,8 +132,10 @@ class Pipeline:
 
     def _see(self, frame: Frame) -> Iterator[GroundPlane]:
         self._waiting = None
-        yield self._counted(self._ground_of(frame))
         if self._motion.see(frame):
+            self._attitude.forget()
+        yield self._counted(self._ground_of(frame))
+        if self._motion.judge():
             self._attitude.forget()
         if self._motion.reason is Reason.NONE:
             self._attitude.keep()
@@ -149,7 +151,7 @@ class Pipeline:
             frame,
             attitude.R_WB,
             attitude.w_WB_B,
-            self._attitude.rotation_cov_W_rad2,
+            attitude.rotation_cov_W,
             height_rate_mps=attitude.bob_mps,
             reduced=self._load is Load.REDUCED,
         )

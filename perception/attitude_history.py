@@ -15,12 +15,16 @@ class OutsideHistoryError(LookupError):
 
 
 class AttitudeAt(NamedTuple):
-    """Attitude, angular rate (rad/s, in B) and the bob of a walk (m/s, upwards, about its mean) at one instant."""
+    """Attitude, angular rate (rad/s, in B) and the bob of a walk (m/s, upwards, about its mean) at one instant.
+
+    `rotation_cov_W` (3, 3), rad², is that of the small rotation in W between the attitude and the truth.
+    """
 
     t_ns: int
     q_WB: Quaternion
     w_WB_B: Vec3
-    bob_mps: float = 0.0
+    bob_mps: float
+    rotation_cov_W: Array
 
     @property
     def R_WB(self) -> Array:
@@ -31,8 +35,9 @@ class AttitudeAt(NamedTuple):
 class AttitudeHistory:
     """Ring of attitudes by time; one older than `length_s` before the newest leaves.
 
-    Between two neighbours at most `longest_step_s` apart the attitude is interpolated (slerp, the rate linearly);
-    after the newest it is extrapolated at the newest rate for `reach_s`, half a sample period at 100 Hz.
+    Between two neighbours at most `longest_step_s` apart the attitude is interpolated (slerp, the rate linearly), with
+    the covariance of the earlier, which a correction in between has not made smaller; after the newest it is
+    extrapolated at the newest rate for `reach_s`, half a sample period at 100 Hz.
     """
 
     def __init__(self, length_s: float = 1.0, reach_s: float = 0.005, longest_step_s: float = 0.1) -> None:
@@ -53,11 +58,12 @@ class AttitudeHistory:
         """Forget everything, as after a new start of the filter, whose yaw starts anew."""
         self._ring.clear()
 
-    def append(self, t_ns: int, q_WB: Quaternion, w_WB_B: Vec3, bob_mps: float = 0.0) -> None:
+    def append(self, attitude: AttitudeAt) -> None:
         """Take the newest attitude. Raises ValueError where it is not later than the one before it."""
+        t_ns = attitude.t_ns
         if self._ring and t_ns <= self._ring[-1].t_ns:
             raise ValueError(f"attitude at {t_ns} ns: must be later than the newest, at {self._ring[-1].t_ns} ns")
-        self._ring.append(AttitudeAt(t_ns, q_WB, w_WB_B, bob_mps))
+        self._ring.append(attitude)
         while self._ring[0].t_ns < t_ns - self._length_ns:
             self._ring.popleft()
 
@@ -89,11 +95,11 @@ class AttitudeHistory:
             )
         dt_s = 1e-9 * (t_ns - newest.t_ns)
         turn = so3.quaternion_from_rotvec(vec3.scaled(newest.w_WB_B, dt_s))
-        return AttitudeAt(t_ns, so3.positive(so3.multiply(newest.q_WB, turn)), newest.w_WB_B, newest.bob_mps)
+        return newest._replace(t_ns=t_ns, q_WB=so3.positive(so3.multiply(newest.q_WB, turn)))
 
 
 def _between(before: AttitudeAt, after: AttitudeAt, t_ns: int) -> AttitudeAt:
     share = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
     rate = vec3.between(before.w_WB_B, after.w_WB_B, share)
     bob_mps = before.bob_mps + share * (after.bob_mps - before.bob_mps)
-    return AttitudeAt(t_ns, so3.slerp(before.q_WB, after.q_WB, share), rate, bob_mps)
+    return AttitudeAt(t_ns, so3.slerp(before.q_WB, after.q_WB, share), rate, bob_mps, before.rotation_cov_W)

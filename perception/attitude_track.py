@@ -42,11 +42,6 @@ class AttitudeTrack:
         """Return why there is no attitude now, or NONE."""
         return self._filter.reason
 
-    @property
-    def rotation_cov_W_rad2(self) -> FloatArray:
-        """Return the covariance (3, 3) of the small rotation in W between the newest attitude and the truth."""
-        return self._filter.rotation_cov_W
-
     def accepts(self, sample: ImuSample) -> bool:
         """Return whether `sample` is finite and later than the last one."""
         finite = all(map(math.isfinite, (*sample.sf_B_mps2, *sample.w_WB_B_radps)))
@@ -57,18 +52,20 @@ class AttitudeTrack:
         sf_B_mps2, w_B_radps = corrected(sample, self._imu)
         self._filter.update(sample.t_sample_ns, sf_B_mps2, w_B_radps, clipped=sample.clipped)
         self._newest_ns = sample.t_sample_ns
-        if self._filter.status is Status.VALID:
+        state, rotation_cov_W = self._filter, self._filter.rotation_cov_W
+        if state.status is Status.VALID:
             if self._before_start:
-                self._look_back(sample.t_sample_ns)
-            state = self._filter
-            self._history.append(sample.t_sample_ns, state.q_WB, state.w_WB_B, state.bob_mps)
+                self._look_back(sample.t_sample_ns, rotation_cov_W)
+            self._history.append(
+                AttitudeAt(sample.t_sample_ns, state.q_WB, state.w_WB_B, state.bob_mps, rotation_cov_W)
+            )
         else:
             # a new start has a new yaw: nothing of the track before it may be mixed with what follows
             self._history.clear()
             if self._before_start and sample.t_sample_ns - self._before_start[-1][0] > self._longest_step_ns:
                 self._before_start.clear()
             self._before_start.append((sample.t_sample_ns, w_B_radps))
-        return self._message(sample.t_sample_ns)
+        return self._message(sample.t_sample_ns, rotation_cov_W)
 
     def keep(self) -> None:
         """Remember how things are, every `_KEPT_EVERY_S`: nothing has contradicted them yet."""
@@ -97,7 +94,7 @@ class AttitudeTrack:
         except OutsideHistoryError:
             return None
 
-    def _look_back(self, t_ns: int) -> None:
+    def _look_back(self, t_ns: int, rotation_cov_W: FloatArray) -> None:
         """Integrate backwards from the first attitude, R(t − dt) = R(t) exp(−w dt), and put the result in order."""
         q_WB, bias = self._filter.q_WB, self._filter.gyro_bias
         past: list[AttitudeAt] = []
@@ -105,10 +102,10 @@ class AttitudeTrack:
             w_B = vec3(np.subtract(measured, bias))
             dt_s = (t_ns - t_before_ns) * 1e-9
             q_WB = so3.positive(so3.multiply(q_WB, so3.quaternion_from_rotvec(vec3(np.multiply(w_B, -dt_s)))))
-            past.append(AttitudeAt(t_before_ns, q_WB, w_B))
+            past.append(AttitudeAt(t_before_ns, q_WB, w_B, 0.0, rotation_cov_W))
             t_ns = t_before_ns
         for attitude in reversed(past):
-            self._history.append(*attitude)
+            self._history.append(attitude)
         self._before_start.clear()
 
     def unfelt(self, t_ns: int, reason: Reason = Reason.NO_IMU) -> Attitude:
@@ -128,11 +125,10 @@ class AttitudeTrack:
             calibration_id=self._calibration_id,
         )
 
-    def _message(self, t_sample_ns: int) -> Attitude:
+    def _message(self, t_sample_ns: int, rotation_cov_W: FloatArray) -> Attitude:
         status = self._filter.status
         if status is not Status.VALID:
             return self._without_numbers(t_sample_ns, status, self._filter.reason)
-        cov = self._filter.rotation_cov_W
         return Attitude(
             t_sample_ns=t_sample_ns,
             status=status,
@@ -140,7 +136,7 @@ class AttitudeTrack:
             q_WB=self._filter.q_WB,
             w_WB_B_radps=self._filter.w_WB_B,
             gyro_bias_B_radps=self._filter.gyro_bias,
-            rotation_cov_W_rad2=upper_triangle(cov),
+            rotation_cov_W_rad2=upper_triangle(rotation_cov_W),
             calibration_id=self._calibration_id,
         )
 

@@ -4,13 +4,24 @@ import enum
 import math
 from collections import deque
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
 
 from messages import Calibration, Reason, Vec3
 from perception.ego_motion import EgoMotion
-from perception.motion_comparison import Felt, FloatArray, Seen, lag_of, rate_misfit, velocity_misfit
+from perception.motion_comparison import (
+    Felt,
+    FloatArray,
+    Seen,
+    integral,
+    interpolated,
+    lag_of,
+    rate_misfit,
+    velocity_misfit,
+)
+from perception.turn_balance import Turn, TurnBalance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +35,7 @@ class ConsistencySettings:
     """
 
     window_s: float = 1.0
-    recent_s: float = 0.4
+    recent_s: float = 0.3
     least_steps: int = 9
     longest_lag_s: float = 0.1
     lag_grid_s: float = 0.01
@@ -59,6 +70,7 @@ class Subject(str, enum.Enum):
     """What is judged, apart from each other."""
 
     TIME = "time"
+    TURN = "turn"
     GYRO_X = "gyro-x"
     GYRO_Y = "gyro-y"
     GYRO_Z = "gyro-z"
@@ -82,21 +94,24 @@ class ConsistencyMonitor:
         )
         self._most_lag_s = self.settings.most_lag_s + _FAR * calibration.residual.time_s
         self._steps: deque[EgoMotion] = deque()
-        self._questions = {subject: _Question(self.settings.confirmations) for subject in Subject}
+        self._turns = TurnBalance()
+        self._questions = {subject: _Question(self.settings.confirmations) for subject in (Subject.TIME, *_OF_IMU)}
         self._agrees_of_late = True
         self._restart_owed = False
 
     @property
     def verdicts(self) -> dict[Subject, Verdict]:
         """Return what is known of each subject."""
-        return {subject: question.verdict for subject, question in self._questions.items()}
+        turn = Verdict.INCONSISTENT if self._turns.contradicted else Verdict.UNKNOWN
+        return {Subject.TURN: turn, **{subject: question.verdict for subject, question in self._questions.items()}}
 
     @property
     def reason(self) -> Reason:
         """Return TIME_INCONSISTENT or IMU_INCONSISTENT while something contradicts, else NONE."""
         if self._questions[Subject.TIME].verdict is Verdict.INCONSISTENT:
             return Reason.TIME_INCONSISTENT
-        return Reason.IMU_INCONSISTENT if self._imu_contradicts else Reason.NONE
+        contradicted = self._turns.contradicted or self._imu_contradicts
+        return Reason.IMU_INCONSISTENT if contradicted else Reason.NONE
 
     @property
     def _imu_contradicts(self) -> bool:
@@ -106,27 +121,51 @@ class ConsistencyMonitor:
         """Take one calibrated sample, later than the one before it; clipped ones are better left out."""
         self._imu.append(t_ns, sf_B_mps2, w_B_radps)
 
-    def see(self, motion: EgoMotion | None) -> bool:
-        """Take what one frame told of the motion, None for nothing, and bring the verdicts up to date.
+    def see(self, motion: EgoMotion | None, newest: EgoMotion | None) -> bool:
+        """Take what one frame told of the motion, None for nothing: of the step before last, and a guess at the last.
+
+        Judges the turns at once. Returns, as `judge` does, whether the IMU begins to agree again.
+        """
+        settings = self.settings
+        if motion is None or (self._steps and not self._follows(motion)):
+            self._steps.clear()
+        restart = False
+        if motion is not None:
+            self._steps.append(motion)
+            while motion.t_after_ns - self._steps[0].t_before_ns > _WINDOW_SLACK * 1e9 * (
+                settings.window_s + 2.0 * settings.longest_lag_s
+            ):
+                self._steps.popleft()
+            turn = self._turn(motion)
+            if turn is None:
+                self._turns.interrupt()
+            else:
+                restart = self._turns.take(turn)
+        guess = None if newest is None else self._turn(newest)
+        if guess is not None:
+            self._turns.guess(guess)
+        return restart
+
+    def judge(self) -> bool:
+        """Bring the verdicts on the last second up to date.
 
         Returns whether the IMU begins to agree again after a contradiction: what was estimated from it until now should
         then be forgotten. That is soon after the fact, and before the verdict, which needs a whole window.
         """
         settings = self.settings
-        if motion is None or (self._steps and not self._follows(motion)):
-            self._steps.clear()
-        if motion is None:
-            return False
-        self._steps.append(motion)
-        while motion.t_after_ns - self._steps[0].t_before_ns > _WINDOW_SLACK * 1e9 * (
-            settings.window_s + 2.0 * settings.longest_lag_s
-        ):
-            self._steps.popleft()
         # those at the end must wait until the lag can be looked for there
         known = [s for s in self._steps if self._imu.newest_s(s.t_after_ns) >= settings.longest_lag_s]
         if len(known) < settings.least_steps or known[-1].t_after_ns - known[0].t_before_ns < 1e9 * settings.window_s:
             return False
         return self._judge(known)
+
+    def _turn(self, motion: EgoMotion) -> Turn | None:
+        """Return the turns of one step, or None where samples are missing."""
+        felt_rad = self._imu.turn(motion.t_before_ns, motion.t_after_ns, self.settings.longest_gap_s)
+        if felt_rad is None:
+            return None
+        duration_s = 1e-9 * (motion.t_after_ns - motion.t_before_ns)
+        return Turn(duration_s, felt_rad, self._R_BC @ motion.w_C_radps * duration_s)
 
     def _follows(self, motion: EgoMotion) -> bool:
         return abs(motion.t_before_ns - self._steps[-1].t_after_ns) < 1e9 * _MOST_APART_S
@@ -240,6 +279,19 @@ class _ImuRecord:
     def newest_s(self, after_ns: int) -> float:
         """Return how long after `after_ns` the newest sample is."""
         return 1e-9 * (self._times_ns[-1] - after_ns) if self._times_ns else -math.inf
+
+    def turn(self, from_ns: int, to_ns: int, longest_gap_s: float) -> FloatArray | None:
+        """Return ∫ w dt (3,), or None where samples are farther apart than `longest_gap_s`."""
+        count = 1 + sum(1 for _ in takewhile(lambda t_ns: t_ns > from_ns, reversed(self._times_ns)))
+        latest = range(max(0, len(self._times_ns) - count), len(self._times_ns))
+        t_s: FloatArray = 1e-9 * np.array([self._times_ns[k] - from_ns for k in latest], dtype=np.float64)
+        step_s = np.array([0.0, 1e-9 * (to_ns - from_ns)])
+        if len(t_s) < 2 or t_s[0] > step_s[0] or t_s[-1] < step_s[1] or np.diff(t_s).max() > longest_gap_s:
+            return None
+        angle = integral(t_s, np.array([self._values[k][3:] for k in latest]))
+        before, after = interpolated(step_s, t_s, angle)
+        turn: FloatArray = after - before
+        return turn
 
     def around(self, epoch_ns: int, seen: Seen, margin_s: float) -> Felt | None:
         """Return the samples, times counted from `epoch_ns`, if they reach `margin_s` beyond `seen` on both sides."""

@@ -13,7 +13,8 @@ x = X/Z, y = Y/Z by ω and v: the equations of optical flow (Longuet-Higgins, Pr
 
 Rows high in the picture show an earlier Δt than low ones. Where the motion changes, that passes for a motion across
 the rows: least squares finds (ω, v) + A d(ω, v)/dt, with A known from the rows (16 ms times the rate's change for the
-pitch of a ZED). The rates of the steps before and after tell the change, so each step is told one frame late.     (2)
+pitch of a ZED). The rates of the steps before and after tell the change, so each step is told one frame late; of the
+newest step, a first guess follows from the change since the step before.                                          (2)
 """
 
 from collections import deque
@@ -128,6 +129,14 @@ class VisualOdometer:
             return None
         self._steps.append(step)
         return None if len(self._steps) < 3 else _corrected(*self._steps)
+
+    @property
+    def newest(self) -> EgoMotion | None:
+        """Return a first guess at the motion of the newest step; None until two steps in a row are known."""
+        if len(self._steps) < 2:
+            return None
+        before, step = self._steps[-2], self._steps[-1]
+        return _corrected(before, step, step)
 
     def _small(self, image: GreyImage) -> GreyImage:
         """Return `image` reduced by the divisor; by halves as far as that goes, which is what OpenCV does fastest."""

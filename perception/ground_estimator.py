@@ -65,9 +65,9 @@ class GroundEstimator:
             swapped = suspected and measure(swapped=True).fit is not None
             return self.refused(frame, self._swap_watch.verdict(measured.reason, swapped), measured.matched_share)
         self._swap_watch.clear()
-        plane, plane_cov = self._tracker.updated(t_ns, measured.fit, R_WH)
+        plane, plane_cov = self._tracker.updated(t_ns, measured.fit, R_WH, _of_slopes(rotation_cov_W_rad2))
         cov = _slope_cov(plane, plane_cov + measured.lasting_cov)
-        cov[:2, :2] += self._attitude_cov(R_WH.T @ rotation_cov_W_rad2 @ R_WH, w_WB_B_radps)
+        cov[:2, :2] += _of_slopes(R_WH.T @ rotation_cov_W_rad2 @ R_WH) + self._mounting_cov(w_WB_B_radps)
         return GroundPlane(
             t_exposure_ns=t_ns,
             frame_seq=frame.header.seq,
@@ -95,13 +95,18 @@ class GroundEstimator:
             matched_share,
         )
 
-    def _attitude_cov(self, rotation_cov_H_rad2: FloatArray, w_B_radps: Vec3) -> FloatArray:
-        """Return the covariance (2, 2) that attitude, mounting and frame time add to the slopes."""
-        # a rotation δ in H turns the slopes by (−δ_y, δ_x) to first order
-        turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
-        turned: FloatArray = turn @ rotation_cov_H_rad2 @ turn.T
+    def _mounting_cov(self, w_B_radps: Vec3) -> FloatArray:
+        """Return the covariance (2, 2) that mounting and frame time add to the slopes."""
         late_rad2 = sum(w * w for w in w_B_radps) * self._residual.time_s**2
-        return turned + np.eye(2) * (self._residual.camera_to_imu_rad**2 + late_rad2)
+        return np.eye(2) * (self._residual.camera_to_imu_rad**2 + late_rad2)
+
+
+def _of_slopes(rotation_cov: FloatArray) -> FloatArray:
+    """Return the covariance (2, 2) that a small rotation of covariance (3, 3) gives the slopes, in the same frame."""
+    # a rotation δ turns the slopes by (−δ_y, δ_x) to first order
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+    turned: FloatArray = turn @ rotation_cov @ turn.T
+    return turned
 
 
 def _slope_cov(plane: Plane, cov_abh: FloatArray) -> FloatArray:

@@ -119,8 +119,9 @@ def velocity_misfit(seen: Seen, felt: Felt, lag_s: float) -> VelocityMisfit:
     step = np.clip(np.searchsorted(seen.from_s, t_s, side="right") - 1, 0, len(R_SB) - 1)
     R_SB_then = R_SB[step] @ _exp((t_s - seen.from_s[step])[:, None] * seen.w_B_radps[step])
     by_axis_S = (R_SB_then * sf_B[:, None, :]).reshape(-1, 9)  # what each axis of the accelerometer adds, in S
-    travel_S = _integral(t_s, _integral(t_s, by_axis_S))
-    felt_S = ((_at(seen.to_s, t_s, travel_S) - _at(seen.from_s, t_s, travel_S)) / durations_s).reshape(-1, 3, 3)
+    travel_S = integral(t_s, integral(t_s, by_axis_S))
+    travelled_S = interpolated(seen.to_s, t_s, travel_S) - interpolated(seen.from_s, t_s, travel_S)
+    felt_S = (travelled_S / durations_s).reshape(-1, 3, 3)
 
     middle_s = 0.5 * (seen.from_s + seen.to_s)
     line = np.column_stack((np.ones(len(middle_s)), middle_s - middle_s.mean()))
@@ -147,8 +148,8 @@ def velocity_misfit(seen: Seen, felt: Felt, lag_s: float) -> VelocityMisfit:
 
 def _mean_rates(seen: Seen, felt: Felt, lags_s: FloatArray) -> FloatArray:
     """Return the mean rates (lags, n, 3) felt during the steps, moved by `lags_s` (lags, 1)."""
-    angle = _integral(felt.t_s, felt.w_B_radps)
-    turned = _at(seen.to_s + lags_s, felt.t_s, angle) - _at(seen.from_s + lags_s, felt.t_s, angle)
+    angle = integral(felt.t_s, felt.w_B_radps)
+    turned = interpolated(seen.to_s + lags_s, felt.t_s, angle) - interpolated(seen.from_s + lags_s, felt.t_s, angle)
     rates: FloatArray = turned / (seen.to_s - seen.from_s)[:, None]
     return rates
 
@@ -169,14 +170,14 @@ def _exp(rotvecs: FloatArray) -> FloatArray:
     return matrices
 
 
-def _integral(t_s: FloatArray, rates: FloatArray) -> FloatArray:
+def integral(t_s: FloatArray, rates: FloatArray) -> FloatArray:
     """Return ∫ rates dt (m, c) from the first time on, by the trapezoidal rule."""
     total = np.zeros_like(rates)
     np.cumsum(0.5 * np.diff(t_s)[:, None] * (rates[1:] + rates[:-1]), axis=0, out=total[1:])
     return total
 
 
-def _at(times_s: FloatArray, t_s: FloatArray, values: FloatArray) -> FloatArray:
+def interpolated(times_s: FloatArray, t_s: FloatArray, values: FloatArray) -> FloatArray:
     """Return `values` (m, c), known at `t_s` (m,), at `times_s` (...), between them: (..., c)."""
     after = np.clip(np.searchsorted(t_s, times_s), 1, len(t_s) - 1)
     share = ((times_s - t_s[after - 1]) / (t_s[after] - t_s[after - 1]))[..., None]

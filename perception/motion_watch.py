@@ -39,10 +39,14 @@ class MotionWatch:
             self._monitor.feel(sample.t_sample_ns, *corrected(sample, self._imu))
 
     def see(self, frame: Frame) -> bool:
-        """Take a frame; return whether what the IMU alone taught until now should be forgotten."""
+        """Take a frame and judge its step; return whether what the IMU alone taught until now should be forgotten."""
         if self._monitor is None or self._odometer is None or not isinstance(frame, StereoFrame):
             return False
         if frame.left.shape[::-1] != self._odometer.raw_size_px:
             return False
         motion = self._odometer.see(frame.header.t_exposure_ns, frame.left, frame.right)
-        return self._monitor.see(motion)
+        return self._monitor.see(motion, self._odometer.newest)
+
+    def judge(self) -> bool:
+        """Judge the last second, which takes its time; return, as `see` does, whether to forget."""
+        return self._monitor is not None and self._monitor.judge()

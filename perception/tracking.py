@@ -2,7 +2,9 @@
 
 The gradient of the ground in W does not change while the wearer walks on it, so a Kalman filter with a small
 process noise averages the frames; the height follows the hip and is re-measured by each frame. A frame that
-contradicts the track (an edge: kerb, stair, foot of a ramp) starts a new one.
+contradicts the track (an edge: kerb, stair, foot of a ramp) starts a new one. The attitude's error is common to all
+frames of a track until the attitude learns: a Kalman filter that goes from covariance P to P' corrects itself by
+N(0, P − P'), and the track has it still.
 """
 
 from dataclasses import dataclass
@@ -33,6 +35,7 @@ class PlaneTracker:
         self._settings = settings
         self._state: FloatArray | None = None
         self._cov: FloatArray = np.zeros((3, 3))
+        self._attitude_cov_W: FloatArray = np.zeros((2, 2))
         self._t_ns = 0
 
     def predicted(self, t_ns: int, R_WH: FloatArray) -> Plane | None:
@@ -41,8 +44,14 @@ class PlaneTracker:
             return None
         return _plane(_turn(R_WH).T @ self._state)
 
-    def updated(self, t_ns: int, fit: PlaneFit, R_WH: FloatArray) -> tuple[Plane, FloatArray]:
-        """Take one frame's plane in H; return the plane in H that the track now holds and its covariance (a, b, h)."""
+    def updated(
+        self, t_ns: int, fit: PlaneFit, R_WH: FloatArray, attitude_cov_W: FloatArray
+    ) -> tuple[Plane, FloatArray]:
+        """Take one frame's plane in H; return the plane in H that the track now holds and its covariance (a, b, h).
+
+        `attitude_cov_W` (2, 2), rad², is what the attitude's covariance means for the gradient in W. It is told apart:
+        the covariance that is returned is without it.
+        """
         turn = _turn(R_WH)
         seen = turn @ fit.plane.abh
         jitter = self._settings.attitude_jitter_rad**2
@@ -51,6 +60,7 @@ class PlaneTracker:
             self._state, self._cov = seen, seen_cov
         else:
             prior = self._grown(t_ns)
+            prior[:2, :2] += _positive_part(self._attitude_cov_W - attitude_cov_W)
             innovation, innovation_cov = seen - self._state, prior + seen_cov
             if innovation @ np.linalg.solve(innovation_cov, innovation) > self._settings.gate:
                 self._state, self._cov = seen, seen_cov
@@ -58,7 +68,7 @@ class PlaneTracker:
                 gain = np.linalg.solve(innovation_cov, prior).T
                 self._state = self._state + gain @ innovation
                 self._cov = (np.eye(3) - gain) @ prior
-        self._t_ns = t_ns
+        self._t_ns, self._attitude_cov_W = t_ns, attitude_cov_W
         return _plane(turn.T @ self._state), turn.T @ self._cov @ turn
 
     def _grown(self, t_ns: int) -> FloatArray:
@@ -66,6 +76,13 @@ class PlaneTracker:
         s = self._settings
         rates = np.array([s.gradient_per_sqrt_s, s.gradient_per_sqrt_s, s.height_m_per_sqrt_s])
         return self._cov + np.diag(rates**2 * dt_s)
+
+
+def _positive_part(difference: FloatArray) -> FloatArray:
+    """Return the symmetric matrix `difference` without its negative eigenvalues."""
+    values, vectors = np.linalg.eigh(difference)
+    positive: FloatArray = (vectors * np.clip(values, 0.0, None)) @ vectors.T
+    return positive
 
 
 def _plane(abh: FloatArray) -> Plane:

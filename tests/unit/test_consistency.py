@@ -32,6 +32,10 @@ class Heard:
         self.restarts_ns: list[int] = []
         self.verdicts: dict[Subject, Verdict] = {}
 
+    @property
+    def by_window(self) -> set[Verdict]:
+        return {verdict for subject, verdict in self.verdicts.items() if subject is not Subject.TURN}
+
     def first_ns(self, since_ns: int) -> int:
         return next(t_ns for t_ns, reason in self.reasons if t_ns >= since_ns and reason is not Reason.NONE)
 
@@ -49,7 +53,7 @@ def heard(
             monitor.feel(message.t_ns, message.sf_B_mps2, message.w_B_radps)
             now_ns = message.t_ns
         elif isinstance(message, EgoMotion):
-            if monitor.see(message):
+            if monitor.see(message, None) | monitor.judge():
                 words.restarts_ns.append(now_ns)
             words.reasons.append((now_ns, monitor.reason))
     words.verdicts = monitor.verdicts
@@ -84,13 +88,13 @@ def stamped(late_ns: Callable[[int], int]) -> Alter:
 def test_a_walk_raises_no_alarm_and_shows_that_all_is_well(calibration: Calibration, seed: int) -> None:
     words = heard(calibration, WALKING_NS + 5 * S, seed=seed)
     assert {reason for _, reason in words.reasons} == {Reason.NONE}
-    assert set(words.verdicts.values()) == {Verdict.CONSISTENT}
+    assert words.by_window == {Verdict.CONSISTENT}
 
 
 def test_standing_tells_nothing(calibration: Calibration) -> None:
     words = heard(calibration, START_NS + 6 * S, name="standing")
     assert {reason for _, reason in words.reasons} == {Reason.NONE}
-    assert set(words.verdicts.values()) == {Verdict.UNKNOWN}
+    assert words.by_window == {Verdict.UNKNOWN}
 
 
 @pytest.mark.parametrize("axis", [*ACCEL, *GYRO])
@@ -102,7 +106,7 @@ def test_a_changed_sign_is_seen_in_three_seconds_and_forgiven_in_two(calibration
     assert {reason for _, reason in words.reasons} == {Reason.NONE, Reason.IMU_INCONSISTENT}
     assert words.last_ns() < end_ns + 2 * S
     assert end_ns < words.restarts_ns[-1] < end_ns + 2 * S
-    assert set(words.verdicts.values()) == {Verdict.CONSISTENT}
+    assert words.by_window == {Verdict.CONSISTENT}
 
 
 @pytest.mark.parametrize("axis", [*ACCEL, *GYRO])
@@ -140,9 +144,11 @@ def test_a_contradiction_is_not_forgiven_while_nothing_is_seen(calibration: Cali
         if isinstance(message, FeltAt):
             monitor.feel(message.t_ns, message.sf_B_mps2, message.w_B_radps)
         elif isinstance(message, EgoMotion):
-            monitor.see(message)
+            monitor.see(message, None)
+            monitor.judge()
     for _ in range(100):
-        assert not monitor.see(None)
+        assert not monitor.see(None, None)
+        assert not monitor.judge()
     assert monitor.reason is Reason.IMU_INCONSISTENT
     assert monitor.verdicts[Subject.GYRO_Y] is Verdict.INCONSISTENT
     assert monitor.verdicts[Subject.GYRO_X] is Verdict.CONSISTENT
@@ -155,5 +161,6 @@ def test_lost_samples_are_no_contradiction(calibration: Calibration) -> None:
             if not WALKING_NS + S <= told.t_ns < WALKING_NS + S + S // 5:
                 monitor.feel(told.t_ns, told.sf_B_mps2, told.w_B_radps)
         else:
-            monitor.see(told)
+            monitor.see(told, None)
+            monitor.judge()
             assert monitor.reason is Reason.NONE
