@@ -48,5 +48,8 @@ class MotionWatch:
         return self._monitor.see(motion, self._odometer.newest)
 
     def judge(self) -> bool:
-        """Judge the last second, which takes its time; return, as `see` does, whether to forget."""
-        return self._monitor is not None and self._monitor.judge()
+        """Judge the last second and get ready for the next frame, while nobody waits; return whether to forget."""
+        if self._monitor is None or self._odometer is None:
+            return False
+        self._odometer.get_ready()
+        return self._monitor.judge()

@@ -10,6 +10,7 @@ import pty
 import re
 import select
 import threading
+import time
 import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -410,3 +411,18 @@ def test_reception_is_told_on_the_monotonic_clock_even_when_the_wall_clock_steps
     waited_s: float, expected_ns: int
 ) -> None:
     assert reception_ns(5000.0, 5000.0 + waited_s, 1_000_000_000) == pytest.approx(expected_ns, abs=1000)
+
+
+def test_a_frame_stamped_late_does_not_make_the_next_ones_go_back_in_time() -> None:
+    link = CanLink(CanSettings(channel="late"))
+    ankle = can.Bus("late", "virtual", None, True, preserve_timestamps=True)
+    encoder, wall_s = CanEncoder(), time.time()
+    for age_s in (0.15, 0.14, 0.149, 0.145):  # the second was stamped only when it was read
+        frame = as_message(encoder.ankle(STATE))
+        frame.timestamp = wall_s - age_s
+        ankle.send(frame)
+    heard_ns = [state.t_sample_ns for state in receive_until(link, 3)]
+    assert len(heard_ns) == 3
+    assert heard_ns == sorted(heard_ns)
+    ankle.shutdown()
+    link.close()
