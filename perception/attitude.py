@@ -99,6 +99,8 @@ class AttitudeFilter:
     def reason(self) -> Reason:
         """Return why the status is not VALID."""
         state = self._state
+        if state.clipped_s > self.settings.longest_clipping_s:
+            return Reason.NO_IMU
         if state.levelling is None and self._kalman.knows_tilt(state, self.settings.usable_tilt_rad):
             return Reason.NONE
         return state.doubt if state.started or state.doubt is Reason.NO_IMU else Reason.STARTING
@@ -121,6 +123,7 @@ class AttitudeFilter:
             self._take_back()
 
     def _take(self, sample: Sample) -> None:
+        self._bound_clipping(sample)
         state, settings = self._state, self.settings
         dt_s = 0.0 if state.t_ns is None else 1e-9 * (sample.t_ns - state.t_ns)
         if state.t_ns is None or dt_s > settings.gap_s:
@@ -144,6 +147,16 @@ class AttitudeFilter:
             self._level(state, state.levelling, sample, dt_s)
         elif self._kalman.knows_tilt(state, settings.usable_tilt_rad):
             state.habit.update(settings.habit, self._up_B, dt_s)
+
+    def _bound_clipping(self, sample: Sample) -> None:
+        """Remember what was before samples were clipped; go back to that where it lasted for too long."""
+        state = self._state
+        if sample.clipped and state.before_clipping is None and state.t_ns is not None:
+            state.before_clipping = copy.deepcopy(replace(state, checkpoints=[]))
+        elif not sample.clipped and state.before_clipping is not None:
+            if state.clipped_s > self.settings.longest_clipping_s:
+                self._state = state.before_clipping
+            state.before_clipping = None
 
     def _rest_tells_more(self, state: AttitudeState) -> bool:
         """Return whether a rest just noticed tells the vertical better than all before it."""

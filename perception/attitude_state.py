@@ -65,7 +65,8 @@ class AttitudeSettings:
     habit: HabitSettings = field(default_factory=HabitSettings)
     doubt_s: float = 3.0
     refuted_sigmas: float = 1.5
-    # A clipped sample falls short of the truth by about this much.
+    # A clipped sample falls short of the truth by about this much. All that were clipped for longer are as missing.
+    longest_clipping_s: float = 0.05
     clipped_w_radps: float = 2.0
     clipped_sf_mps2: float = 20.0
     correction_s: float = 0.04
@@ -146,6 +147,13 @@ class AttitudeState:
     step: Step = field(default_factory=Step)
     levelling: Levelling | None = None  # until the tilt is known from samples
     checkpoints: "list[Checkpoint]" = field(default_factory=list)
+    before_clipping: "AttitudeState | None" = None  # while samples are clipped
+
+    @property
+    def clipped_s(self) -> float:
+        """Return for how long samples have been clipped without a break."""
+        before = self.before_clipping
+        return 0.0 if before is None or before.t_ns is None or self.t_ns is None else 1e-9 * (self.t_ns - before.t_ns)
 
 
 @dataclass
