@@ -29,6 +29,7 @@ IN_WORDS = {
     Reason.TIME_INCONSISTENT: "the frames' stamps contradict their arrival or the IMU",
     Reason.LATE: "the planes come too late; the processor is overloaded, or the process stood still",
     Reason.IMU_INCONSISTENT: "the IMU feels another motion than the camera sees; check how both are mounted",
+    Reason.EYES_MISALIGNED: "one eye sees everything higher than the calibration says; calibrate the pair again",
 }
 
 

@@ -82,7 +82,8 @@ class VisualOdometer:
     """Follows the motion of C from frame to frame.
 
     Works on pictures reduced to about `width_px`: corners are followed to a tenth of a pixel, which is enough. Where
-    in the right eye a corner may be, dense matching at half that size tells.
+    in the right eye a corner may be, dense matching at half that size tells. `skew_px` is by how many raw pixels the
+    right eye sees the corners of the newest pair lower than the calibration says, their median; NaN if unknown.
     """
 
     width_px = 320
@@ -93,6 +94,7 @@ class VisualOdometer:
     least_tracks = 20
     most_return_px = 0.5
     most_skew_px = 1.0
+    most_skew_spread_px = 0.2
     least_noise_px = 0.03
     most_noise_px = 0.5
     rounds = 4
@@ -112,6 +114,7 @@ class VisualOdometer:
         self._middle_row = (stereo.left.height_px - 1) / 2
         self._view: _View | None = None
         self._unviewed: tuple[int, GreyImage, GreyImage] | None = None
+        self.skew_px = float("nan")
         self._steps: deque[_Step] = deque(maxlen=3)
 
     def see(self, t_exposure_ns: int, left: GreyImage, right: GreyImage) -> EgoMotion | None:
@@ -159,6 +162,7 @@ class VisualOdometer:
 
     def _viewed(self, t_exposure_ns: int, left: GreyImage, right: GreyImage) -> _View | None:
         """Find corners in a reduced pair, and their depth; None where there are too few."""
+        self.skew_px = float("nan")
         corners_px = _corners(left, self.corners, self.corner_quality, self.corner_spacing_px)
         if len(corners_px) < self.least_tracks:
             return None
@@ -172,12 +176,22 @@ class VisualOdometer:
         matched_px, good = _tracked(left, right, corners_px, self._right.pixels(away_C), levels=0)
         seen_C = self._right.rays_C(matched_px)
         disparity = rays_C[:, 0] - seen_C[:, 0]
-        good &= np.abs(seen_C[:, 1] - rays_C[:, 1]) < self.most_skew_px / self._left.f_px
+        skew = seen_C[:, 1] - rays_C[:, 1]
+        self.skew_px = self._divisor * self._left.f_px * self._common(skew[good])
+        good &= np.abs(skew) < self.most_skew_px / self._left.f_px
         good &= np.abs(disparity - guess) < 1.0 / self._coarse.f_px
         if np.count_nonzero(good) < self.least_tracks:
             return None
         points_C = rays_C[good] * (self._coarse.baseline_m / disparity[good])[:, None]
         return _View(t_exposure_ns, left, corners_px[good], points_C, self._row_times_s(corners_px[good]))
+
+    def _common(self, skew: FloatArray) -> float:
+        """Return the median of `skew` (N,), in units of the focal length; NaN where few corners or no two agree."""
+        if len(skew) < self.least_tracks:
+            return float("nan")
+        median = float(np.median(skew))
+        spread_px = self._left.f_px * float(np.median(np.abs(skew - median)))
+        return median if spread_px < self.most_skew_spread_px else float("nan")
 
     def _coarse_disparity(self, left: GreyImage, right: GreyImage, rays_C: FloatArray) -> FloatArray:
         """Return the disparity (N,) of rays (N, 3), in units of the focal length, to a pixel; NaN where unknown."""

@@ -1,4 +1,9 @@
-"""Camera and IMU side by side, message by message: the motion that one sees, the motion that the other feels."""
+"""Camera and IMU side by side, message by message: the motion that one sees, the motion that the other feels.
+
+And one eye beside the other: what they see of a corner must lie on one epipolar line.
+"""
+
+import math
 
 from messages import Calibration, Frame, ImuSample, Reason, StereoFrame, UnitCalibration
 from perception.consistency import ConsistencyMonitor, Subject, Verdict
@@ -9,20 +14,28 @@ from perception.imu_model import corrected
 class MotionWatch:
     """Follows both, and says when they contradict each other.
 
-    It needs pictures from two eyes: of a depth camera's frames it takes no notice, and its reason stays NONE.
+    It needs pictures from two eyes: of a depth camera's frames it takes no notice, and its reason stays NONE. The eyes
+    are misaligned, or no more, once `confirmations` pairs in a row have said so: matching bears `most_skew_px`.
     """
+
+    most_skew_px = 2.0
+    confirmations = 3
 
     def __init__(self, calibration: UnitCalibration) -> None:
         self._imu = calibration.imu
         self._odometer: VisualOdometer | None = None
         self._monitor: ConsistencyMonitor | None = None
+        self._misaligned = False
+        self._otherwise = 0
         if isinstance(calibration, Calibration):
             self._odometer = VisualOdometer(calibration.stereo)
             self._monitor = ConsistencyMonitor(calibration, self._odometer.R_LC)
 
     @property
     def reason(self) -> Reason:
-        """Return TIME_INCONSISTENT or IMU_INCONSISTENT while they contradict each other, else NONE."""
+        """Return EYES_MISALIGNED, TIME_INCONSISTENT or IMU_INCONSISTENT while something contradicts, else NONE."""
+        if self._misaligned:
+            return Reason.EYES_MISALIGNED
         return Reason.NONE if self._monitor is None else self._monitor.reason
 
     @property
@@ -52,4 +65,12 @@ class MotionWatch:
         if self._monitor is None or self._odometer is None:
             return False
         self._odometer.get_ready()
+        self._align(self._odometer.skew_px)
         return self._monitor.judge()
+
+    def _align(self, skew_px: float) -> None:
+        if math.isnan(skew_px):
+            return
+        self._otherwise = self._otherwise + 1 if (abs(skew_px) > self.most_skew_px) is not self._misaligned else 0
+        if self._otherwise == self.confirmations:
+            self._misaligned, self._otherwise = not self._misaligned, 0

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from messages import StereoFrame
+from messages import Reason, StereoFrame
 from perception.ego_motion import EgoMotion, VisualOdometer
 from perception.motion_watch import MotionWatch
 from sim_rig.walk.scenario import scenario
@@ -79,3 +79,17 @@ def test_a_watch_takes_no_notice_of_frames_of_another_size(wearer: SimulatedWear
     small = msgspec.structs.replace(frames[0], left=frames[0].left[::2, ::2], right=frames[0].right[::2, ::2])
     assert not watch.see(small)
     assert watch.contradictions == ()
+
+
+@pytest.mark.parametrize("lower_px", [-4, 4])
+def test_an_eye_that_has_slipped_is_named_after_three_pairs_and_forgiven_after_three(
+    wearer: SimulatedWearer, frames: list[StereoFrame], lower_px: int
+) -> None:
+    watch, reasons = MotionWatch(wearer.calibration), []
+    for k, frame in enumerate(frames):
+        slipped = 3 <= k < 8
+        watch.see(msgspec.structs.replace(frame, right=np.roll(frame.right, lower_px, axis=0)) if slipped else frame)
+        watch.judge()
+        reasons.append(watch.reason)
+    misaligned = [reason is Reason.EYES_MISALIGNED for reason in reasons]
+    assert misaligned == [False] * 5 + [True] * 5 + [False] * 2
