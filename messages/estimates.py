@@ -38,7 +38,7 @@ class Reason(str, enum.Enum):
     NO_IMU = "no_imu"  # IMU samples stopped, or came too late for this frame
     NO_FRAME = "no_frame"  # frames stopped
     LOW_TEXTURE = "low_texture"  # too few pixels could be matched
-    NOT_PLANAR = "not_planar"  # no plane explains the foothold region
+    NOT_PLANAR = "not_planar"  # no plane explains the foothold region, or only this one frame's
     TOO_STEEP = "too_steep"  # a plane, but no ground one can step on
     FOOTHOLD_OUT_OF_VIEW = "foothold_out_of_view"
     OUT_OF_RANGE = "out_of_range"  # nearer or farther than the search can match

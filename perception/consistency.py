@@ -45,6 +45,8 @@ class ConsistencySettings:
     rate_share: float = 0.2
     least_rate_swing_radps: float = 0.12
     most_gyro_bias_radps: float = 0.15  # of a calibrated one
+    most_mount_rad: float = math.radians(6.0)
+    most_mount_deviation_rad: float = math.radians(3.0)
     velocity_noise_mps: float = 0.06
     velocity_share: float = 0.4
     least_velocity_swing_mps: float = 0.04
@@ -71,6 +73,7 @@ class Subject(str, enum.Enum):
 
     TIME = "time"
     TURN = "turn"
+    MOUNT = "mount"
     GYRO_X = "gyro-x"
     GYRO_Y = "gyro-y"
     GYRO_Z = "gyro-z"
@@ -219,11 +222,14 @@ class ConsistencyMonitor:
             velocities.misfit_mps / np.hypot(s.velocity_noise_mps, s.velocity_share * velocities.swing_mps),
             np.where(gains_known, np.abs(velocities.gain - 1.0) / s.most_gain_error, 0.0),
         )
+        mount_rad = np.abs(rates.mount_rad) - _FAR * rates.mount_deviation_rad
+        mount_known = bool((rates.mount_deviation_rad < s.most_mount_deviation_rad).all())
         timed = timed and bool(turning.any() and (gyro < 1.0).all())
         gravity_error_mps2 = abs(velocities.gravity_mps2 - s.gravity_mps2)
         return {
             Subject.TIME: _Answer(abs(lag.lag_s) / self._most_lag_s if timed else 0.0, timed),
             Subject.GRAVITY: _Answer(gravity_error_mps2 / self._most_gravity_error_mps2, bool(telling.any())),
+            Subject.MOUNT: _Answer(max(0.0, float(mount_rad.max())) / s.most_mount_rad, mount_known),
             **{subject: _Answer(float(gyro[i]), bool(turning[i])) for i, subject in enumerate(_GYRO)},
             **{subject: _Answer(float(accelerometer[i]), bool(telling[i])) for i, subject in enumerate(_ACCEL)},
         }
@@ -238,7 +244,7 @@ class _Answer(NamedTuple):
 
 _GYRO = (Subject.GYRO_X, Subject.GYRO_Y, Subject.GYRO_Z)
 _ACCEL = (Subject.ACCEL_X, Subject.ACCEL_Y, Subject.ACCEL_Z)
-_OF_IMU = (*_GYRO, *_ACCEL, Subject.GRAVITY)
+_OF_IMU = (Subject.MOUNT, *_GYRO, *_ACCEL, Subject.GRAVITY)
 _FAR = 3.0
 _MOST_APART_S = 0.02
 _WINDOW_SLACK = 1.2

@@ -1,6 +1,5 @@
 """Is this frame a new picture, taken when its stamp says? What no matcher can tell, because the pixels look sound."""
 
-from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,22 +14,22 @@ class FrameGuard:
     left to the matcher, which calls it by its own name.
 
     The way from the middle of the exposure to the arrival takes at least the readout and the transfer, always alike:
-    it may take longer, when the host is busy, but a frame that seems quicker than the quickest of late has a stamp
-    that jumped forward. Frames that arrive together had waited, and teach nothing. Nor do refused ones, until `relearn`
-    of them in a row have been: then the camera's timing is another one for good, and the IMU must tell whether its
-    stamps are right. Frames that are merely late are not judged here, for only the clock tells that.
+    it may take longer, when the host is busy, but a frame that seems quicker than the quickest so far has a stamp that
+    jumped forward. Frames that arrive together had waited, and teach nothing. Nor do refused ones, until `relearn` of
+    them in a row have been: then the camera's timing is another one for good, and the IMU must tell whether its stamps
+    are right. Frames that are merely late are not judged here, for only the clock tells that.
     """
 
     longest_latency_ns = 2_000_000_000
     together_ns = 10_000_000
     jump_ns = 10_000_000
-    window = 200
     least_known = 20
     relearn = 200
     pixel_step = 8
 
     def __init__(self) -> None:
-        self._latencies_ns: deque[int] = deque(maxlen=self.window)
+        self._quickest_ns = 0
+        self._known = 0
         self._refused = 0
         self._arrival_ns: int | None = None
         self._seen: list[bytes] = []
@@ -45,8 +44,7 @@ class FrameGuard:
 
     def interrupted(self) -> None:
         """Forget the camera's timing: it fell silent, and whatever comes next may be another device."""
-        self._latencies_ns.clear()
-        self._refused = 0
+        self._known, self._refused = 0, 0
 
     def _repeats(self, images: Sequence[Image]) -> bool:
         sampled = [image[:: self.pixel_step, :: self.pixel_step] for image in images]
@@ -62,11 +60,11 @@ class FrameGuard:
         latency_ns = header.t_arrival_ns - header.t_exposure_ns
         together = self._arrival_ns is not None and header.t_arrival_ns - self._arrival_ns < self.together_ns
         self._arrival_ns = header.t_arrival_ns
-        known = self._latencies_ns
-        quickest_ns = min(known) if len(known) >= self.least_known else 0
-        if max(0, quickest_ns - self.jump_ns) <= latency_ns <= self.longest_latency_ns:
+        least_ns = max(0, self._quickest_ns - self.jump_ns) if self._known >= self.least_known else 0
+        if least_ns <= latency_ns <= self.longest_latency_ns:
             if not together:
-                known.append(latency_ns)
+                self._quickest_ns = min(self._quickest_ns, latency_ns) if self._known else latency_ns
+                self._known += 1
             self._refused = 0
             return True
         self._refused += 1

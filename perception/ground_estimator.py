@@ -65,7 +65,11 @@ class GroundEstimator:
             swapped = suspected and measure(swapped=True).fit is not None
             return self.refused(frame, self._swap_watch.verdict(measured.reason, swapped), measured.matched_share)
         self._swap_watch.clear()
-        plane, plane_cov = self._tracker.updated(t_ns, measured.fit, R_WH, _of_slopes(rotation_cov_W_rad2))
+        attitude_cov_W = _of_slopes(rotation_cov_W_rad2)
+        tracked = self._tracker.updated(t_ns, measured.fit, measured.matched_share, R_WH, attitude_cov_W)
+        if tracked is None:
+            return self.refused(frame, Reason.NOT_PLANAR, measured.matched_share)
+        plane, plane_cov = tracked
         cov = _slope_cov(plane, plane_cov + measured.lasting_cov)
         cov[:2, :2] += _of_slopes(R_WH.T @ rotation_cov_W_rad2 @ R_WH) + self._mounting_cov(w_WB_B_radps)
         return GroundPlane(

@@ -54,11 +54,17 @@ class Lag:
 
 @dataclass(frozen=True)
 class RateMisfit:
-    """(3,) on the axes of B: root mean squares of the rates' `swing` about their mean and of e, and b of (1)."""
+    """(3,) on the axes of B: root mean squares of the rates' `swing` about their mean and of e, and b of (1).
+
+    `mount_rad` (3,) is the small turn of the camera on its mount that e = δ × ω tells, with its standard deviation,
+    infinite where nothing turns.
+    """
 
     swing_radps: FloatArray
     misfit_radps: FloatArray
     bias_radps: FloatArray
+    mount_rad: FloatArray
+    mount_deviation_rad: FloatArray
 
 
 @dataclass(frozen=True)
@@ -103,7 +109,18 @@ def rate_misfit(seen: Seen, felt: Felt, lag_s: float) -> RateMisfit:
     error = felt_radps - seen.w_B_radps
     bias = error.mean(axis=0)
     swing = np.maximum(_rms(_centred(felt_radps)), _rms(_centred(seen.w_B_radps)))
-    return RateMisfit(swing, _rms(error - bias), bias)
+    return RateMisfit(swing, _rms(error - bias), bias, *_mount(error - bias, _centred(seen.w_B_radps)))
+
+
+def _mount(error: FloatArray, seen_radps: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return δ (3,) of e = δ × ω by least squares over (n, 3) rates about their mean, and its standard deviation."""
+    information = (seen_radps**2).sum() * np.eye(3) - seen_radps.T @ seen_radps
+    values, vectors = np.linalg.eigh(information)
+    inverse = (vectors / np.maximum(values, _TINY)) @ vectors.T
+    mount = inverse @ np.cross(seen_radps, error).sum(axis=0)
+    left = error - np.cross(mount, seen_radps)
+    variance = (left**2).sum() / (left.size - 6)
+    return mount, np.sqrt(variance * np.diag(inverse))
 
 
 def velocity_misfit(seen: Seen, felt: Felt, lag_s: float) -> VelocityMisfit:

@@ -3,8 +3,6 @@
 And one eye beside the other: what they see of a corner must lie on one epipolar line.
 """
 
-import math
-
 from messages import Calibration, Frame, ImuSample, Reason, StereoFrame, UnitCalibration
 from perception.consistency import ConsistencyMonitor, Subject, Verdict
 from perception.ego_motion import VisualOdometer
@@ -15,7 +13,8 @@ class MotionWatch:
     """Follows both, and says when they contradict each other.
 
     It needs pictures from two eyes: of a depth camera's frames it takes no notice, and its reason stays NONE. The eyes
-    are misaligned, or no more, once `confirmations` pairs in a row have said so: matching bears `most_skew_px`.
+    are misaligned from the first pair that says so until `confirmations` in a row deny it: matching bears
+    `most_skew_px`.
     """
 
     most_skew_px = 2.0
@@ -25,8 +24,7 @@ class MotionWatch:
         self._imu = calibration.imu
         self._odometer: VisualOdometer | None = None
         self._monitor: ConsistencyMonitor | None = None
-        self._misaligned = False
-        self._otherwise = 0
+        self._aligned = self.confirmations
         if isinstance(calibration, Calibration):
             self._odometer = VisualOdometer(calibration.stereo)
             self._monitor = ConsistencyMonitor(calibration, self._odometer.R_LC)
@@ -34,7 +32,7 @@ class MotionWatch:
     @property
     def reason(self) -> Reason:
         """Return EYES_MISALIGNED, TIME_INCONSISTENT or IMU_INCONSISTENT while something contradicts, else NONE."""
-        if self._misaligned:
+        if self._aligned < self.confirmations:
             return Reason.EYES_MISALIGNED
         return Reason.NONE if self._monitor is None else self._monitor.reason
 
@@ -69,8 +67,7 @@ class MotionWatch:
         return self._monitor.judge()
 
     def _align(self, skew_px: float) -> None:
-        if math.isnan(skew_px):
-            return
-        self._otherwise = self._otherwise + 1 if (abs(skew_px) > self.most_skew_px) is not self._misaligned else 0
-        if self._otherwise == self.confirmations:
-            self._misaligned, self._otherwise = not self._misaligned, 0
+        if abs(skew_px) > self.most_skew_px:
+            self._aligned = 0
+        elif abs(skew_px) <= self.most_skew_px:  # not where it is NaN
+            self._aligned += 1

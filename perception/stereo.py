@@ -12,6 +12,7 @@ from perception.rectify import Rectifier, Window
 FloatImage = NDArray[np.float32]
 
 _SUBPIXEL = 16  # OpenCV's fixed-point disparity
+_WHITE = 254  # what interpolation leaves of 255
 _STEP = 16  # numDisparities must be a multiple of this
 
 
@@ -45,15 +46,16 @@ class SemiGlobalMatcher:
     def match(self, left: GreyImage, right: GreyImage, window: Window, search: DisparityRange) -> FloatImage:
         """Return (rows, columns) float32 disparities in px of the reduced image; NaN where nothing matched.
 
+        Where the left eye is at the end of its scale there is nothing to match, whatever the matcher fills in.
         `left` and `right` are raw images of the calibrated size.
         """
         # The matcher needs `count` columns to the left of the window; the right eye is shifted by `low_px`.
         wide = Window(window.top, window.bottom, max(0, window.left - search.count), window.right)
         left_eye, right_eye = self._rectifier.rectify(left, right, wide, search.low_px)
         fixed = self._matcher(search.count).compute(left_eye, right_eye)
-        fixed = fixed[:, window.left - wide.left :]
+        fixed, shown = fixed[:, window.left - wide.left :], left_eye[:, window.left - wide.left :]
         disparity: FloatImage = fixed.astype(np.float32) / np.float32(_SUBPIXEL) + np.float32(search.low_px)
-        disparity[fixed < 0] = np.nan
+        disparity[(fixed < 0) | (shown == 0) | (shown >= _WHITE)] = np.nan
         return disparity
 
     def _matcher(self, count: int) -> cv2.StereoSGBM:

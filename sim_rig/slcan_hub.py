@@ -36,6 +36,11 @@ class SlcanHub:
         """What a client takes as its serial port."""
         return f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
 
+    @property
+    def clients(self) -> int:
+        """Return how many nodes are on the bus."""
+        return len(self._partial)
+
     def serve(self, timeout_s: float) -> None:
         """Relay what has come, or return after `timeout_s`; called over and over by one thread."""
         for key, _ in self._selector.select(timeout_s):

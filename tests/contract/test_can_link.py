@@ -55,7 +55,10 @@ def wire(request: pytest.FixtureRequest) -> Iterator[Wire]:
         yield from joined(CanSettings(interface=interface, channel="vcan0"), {"channel": "vcan0"})
     elif interface is CanInterface.SLCAN:
         with served_hub() as hub:
-            yield from joined(slcan_settings(hub), {"channel": hub.channel, "sleep_after_open": 0.0})
+            for pair in joined(slcan_settings(hub), {"channel": hub.channel, "sleep_after_open": 0.0}):
+                while hub.clients < 2:  # what is sent before a node is on the bus is not for it
+                    time.sleep(0.001)
+                yield pair
     elif interface is CanInterface.UDP_MULTICAST:
         if importlib.util.find_spec("msgpack") is None:
             pytest.skip("msgpack is not installed")

@@ -39,7 +39,7 @@ def seen(wearer: DepthWearer, first: int, count: int) -> list[tuple[GroundPlane,
         motion = wearer.gait.at(np.array([wearer.shutter.true_of(frame.header.t_exposure_ns)]))
         w = tuple(motion.w_WB_B_radps[0].tolist())
         pairs.append((estimator.estimate(frame, motion.R_WB[0], w, np.zeros((3, 3))), truth))
-    return pairs
+    return pairs[1:]  # the first waits for its confirmation
 
 
 def errors(pairs: list[tuple[GroundPlane, GroundTruth]]) -> np.ndarray:
@@ -79,7 +79,7 @@ def test_the_noise_it_finds_is_that_of_the_inner_pair() -> None:
     wearer = DepthWearer(
         17, scenario("standing"), START_NS, perfect_calibration=True, errors=DepthErrors(noise_px=0.15)
     )
-    [(ground, _)] = seen(wearer, 20, 1)
+    [(ground, _)] = seen(wearer, 20, 2)
     assert ground.disparity_noise_px == pytest.approx(0.15, rel=0.25)
 
 

@@ -8,6 +8,7 @@ from perception.plane import Plane, PlaneFit
 from perception.tracking import PlaneTracker, TrackingSettings
 
 FRAME_NS = 50_000_000
+LEVEL = np.eye(3)
 SURE = np.zeros((2, 2))
 SEEN_COV = np.diag([0.01**2, 0.01**2, 0.003**2])
 
@@ -21,14 +22,30 @@ def yawed(yaw_rad: float) -> NDArray[np.float64]:
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
 
 
+def told(
+    tracker: PlaneTracker,
+    t_ns: int,
+    fit: PlaneFit,
+    *,
+    R_WH: NDArray[np.float64] = LEVEL,
+    attitude_cov_W: NDArray[np.float64] = SURE,
+    matched_share: float = 1.0,
+) -> tuple[Plane, NDArray[np.float64]] | None:
+    return tracker.updated(t_ns, fit, matched_share, R_WH, attitude_cov_W)
+
+
+def known(answer: tuple[Plane, NDArray[np.float64]] | None) -> tuple[Plane, NDArray[np.float64]]:
+    assert answer is not None
+    return answer
+
+
 def test_frames_on_one_plane_are_averaged() -> None:
     rng = np.random.default_rng(3)
     tracker = PlaneTracker(TrackingSettings())
     errors = []
+    assert told(tracker, -FRAME_NS, seen(0.1, 0.0, 0.95)) is None
     for k in range(200):
-        plane, cov = tracker.updated(
-            k * FRAME_NS, seen(0.1 + rng.normal(0, 0.01), rng.normal(0, 0.01), 0.95), np.eye(3), SURE
-        )
+        plane, cov = known(told(tracker, k * FRAME_NS, seen(0.1 + rng.normal(0, 0.01), rng.normal(0, 0.01), 0.95)))
         errors.append(plane.gradient[0] - 0.1)
     assert np.std(errors[40:]) < 0.006
     assert cov[0, 0] < SEEN_COV[0, 0]
@@ -39,32 +56,55 @@ def test_turning_on_a_slope_changes_no_gradient_in_W() -> None:
     for k in range(40):
         yaw = 0.02 * k
         a, b = yawed(yaw)[:2, :2].T @ np.array([0.1, 0.0])
-        plane, _ = tracker.updated(k * FRAME_NS, seen(a, b, 0.95), yawed(yaw), SURE)
-        assert plane.gradient == pytest.approx((a, b), abs=1e-9)
+        answer = told(tracker, k * FRAME_NS, seen(a, b, 0.95), R_WH=yawed(yaw))
+        assert (answer is None) == (k == 0)
+        if answer is not None:
+            assert answer[0].gradient == pytest.approx((a, b), abs=1e-9)
 
 
-def test_an_edge_starts_a_new_track_at_once() -> None:
+def on_level_ground(frames: int) -> PlaneTracker:
     tracker = PlaneTracker(TrackingSettings())
-    for k in range(20):
-        tracker.updated(k * FRAME_NS, seen(0.0, 0.0, 0.95), np.eye(3), SURE)
-    plane, cov = tracker.updated(20 * FRAME_NS, seen(0.0, 0.0, 0.78), np.eye(3), SURE)
+    for k in range(frames):
+        told(tracker, k * FRAME_NS, seen(0.0, 0.0, 0.95))
+    return tracker
+
+
+def test_an_edge_starts_a_new_track_as_soon_as_a_second_frame_confirms_it() -> None:
+    tracker = on_level_ground(20)
+    assert told(tracker, 20 * FRAME_NS, seen(0.0, 0.0, 0.78)) is None
+    plane, cov = known(told(tracker, 21 * FRAME_NS, seen(0.0, 0.0, 0.78)))
     assert plane.height_m == pytest.approx(0.78)
-    assert cov[2, 2] >= SEEN_COV[2, 2]
+    assert cov[2, 2] < SEEN_COV[2, 2]
+    assert told(tracker, 22 * FRAME_NS, seen(0.0, 0.0, 0.95)) is None
+
+
+def test_a_chance_match_is_not_believed_and_does_not_end_the_track() -> None:
+    tracker = on_level_ground(20)
+    for k, slope in enumerate((0.5, -0.4, 0.3, -0.6)):
+        assert told(tracker, (20 + k) * FRAME_NS, seen(slope, 0.0, 0.7)) is None
+    plane, _ = known(told(tracker, 24 * FRAME_NS, seen(0.0, 0.0, 0.95)))
+    assert plane.height_m == pytest.approx(0.95)
+
+
+def test_a_contradiction_is_confirmed_only_by_the_next_frame_and_where_most_matched() -> None:
+    tracker = on_level_ground(20)
+    edge = seen(0.0, 0.0, 0.78)
+    assert told(tracker, 20 * FRAME_NS, edge) is None
+    assert told(tracker, 23 * FRAME_NS, edge) is None
+    assert told(tracker, 24 * FRAME_NS, edge, matched_share=0.5) is None
+    assert told(tracker, 25 * FRAME_NS, edge) is None
+    assert told(tracker, 26 * FRAME_NS, edge) is not None
 
 
 def test_a_track_is_forgotten_after_a_gap() -> None:
-    tracker = PlaneTracker(TrackingSettings(longest_gap_s=0.5))
-    tracker.updated(0, seen(0.0, 0.0, 0.95), np.eye(3), SURE)
-    assert tracker.predicted(400_000_000, np.eye(3)) is not None
-    assert tracker.predicted(600_000_000, np.eye(3)) is None
+    tracker = on_level_ground(2)
+    assert tracker.predicted(450_000_000, LEVEL) is not None
+    assert tracker.predicted(600_000_000, LEVEL) is None
 
 
 def test_uncertainty_grows_without_frames() -> None:
     def gain_after(gap_ns: int) -> float:
-        tracker = PlaneTracker(TrackingSettings())
-        for k in range(40):
-            tracker.updated(k * FRAME_NS, seen(0.0, 0.0, 0.95), np.eye(3), SURE)
-        plane, _ = tracker.updated(39 * FRAME_NS + gap_ns, seen(0.01, 0.0, 0.95), np.eye(3), SURE)
+        plane, _ = known(told(on_level_ground(40), 39 * FRAME_NS + gap_ns, seen(0.01, 0.0, 0.95)))
         return plane.gradient[0] / 0.01
 
     assert gain_after(450_000_000) > 1.2 * gain_after(50_000_000)
@@ -72,10 +112,10 @@ def test_uncertainty_grows_without_frames() -> None:
 
 def test_what_the_attitude_learns_the_track_learns_too() -> None:
     def gradient_after(attitude_deviation_rad: float) -> float:
-        tracker = PlaneTracker(TrackingSettings())
+        tracker, unsure = PlaneTracker(TrackingSettings()), attitude_deviation_rad**2 * np.eye(2)
         for k in range(40):
-            tracker.updated(k * FRAME_NS, seen(0.0, 0.0, 0.95), np.eye(3), attitude_deviation_rad**2 * np.eye(2))
-        plane, cov = tracker.updated(40 * FRAME_NS, seen(0.03, 0.0, 0.95), np.eye(3), SURE)
+            told(tracker, k * FRAME_NS, seen(0.0, 0.0, 0.95), attitude_cov_W=unsure)
+        plane, cov = known(told(tracker, 40 * FRAME_NS, seen(0.03, 0.0, 0.95)))
         assert cov[0, 0] <= SEEN_COV[0, 0] + 1e-4
         return plane.gradient[0]
 
