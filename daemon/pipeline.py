@@ -32,6 +32,9 @@ LONGEST_WAIT_NS = 20_000_000
 SILENCE_NS = 120_000_000
 """When no frame has arrived for this long, an invalid estimate says so every `FRAME_PERIOD_NS`."""
 
+OTHER_CAMERA_NS = 1_000_000_000
+"""When no frame has arrived for this long, the next may be another camera's, with timing of its own."""
+
 FRAME_PERIOD_NS = 50_000_000
 
 IMU_SILENCE_NS = 30_000_000
@@ -58,6 +61,7 @@ class Pipeline:
         self._waiting: Frame | None = None
         self._imu_heard_ns: int | None = None
         self._imu_silent = False
+        self._frame_heard_ns = 0
         self._silent_from_ns: int | None = None
         self._camera_due_ns: int | None = None
 
@@ -95,7 +99,8 @@ class Pipeline:
     def _take(self, frame: Frame) -> Iterator[Estimate]:
         if self._waiting is not None:
             yield from self._see(self._waiting)
-        self._silent_from_ns = self._camera_due_ns = frame.header.t_arrival_ns + SILENCE_NS
+        self._frame_heard_ns = frame.header.t_arrival_ns
+        self._silent_from_ns = self._camera_due_ns = self._frame_heard_ns + SILENCE_NS
         doubt = self._frame_guard.judge(frame.header, frame.images)
         if doubt is not Reason.NONE:
             yield self._counted(self._ground.refused(frame, doubt))
@@ -116,7 +121,8 @@ class Pipeline:
             self._silent_from_ns, self._camera_due_ns = t_ns + SILENCE_NS, t_ns + START_NS
         if t_ns >= self._silent_from_ns:
             self._silent_from_ns += FRAME_PERIOD_NS * (1 + (t_ns - self._silent_from_ns) // FRAME_PERIOD_NS)
-            self._frame_guard.interrupted()
+            if t_ns - self._frame_heard_ns > OTHER_CAMERA_NS:
+                self._frame_guard.interrupted()
             yield self._without_frame(t_ns, Reason.STARTING if t_ns < self._camera_due_ns else Reason.NO_FRAME)
 
     def _miss_imu(self, t_ns: int) -> Iterator[Estimate]:

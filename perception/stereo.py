@@ -37,6 +37,8 @@ class SemiGlobalMatcher:
     """
 
     block_px = 5
+    least_contrast = 2.0
+    """Standard deviation of the window's grey levels: less may be the sensor's noise alone, which matches by chance."""
     uniqueness_percent = 5  # 100 would kill the process with SIGFPE in OpenCV 5.0.0
 
     def __init__(self, rectifier: Rectifier) -> None:
@@ -55,7 +57,8 @@ class SemiGlobalMatcher:
         fixed = self._matcher(search.count).compute(left_eye, right_eye)
         fixed, shown = fixed[:, window.left - wide.left :], left_eye[:, window.left - wide.left :]
         disparity: FloatImage = fixed.astype(np.float32) / np.float32(_SUBPIXEL) + np.float32(search.low_px)
-        disparity[(fixed < 0) | (shown == 0) | (shown >= _WHITE)] = np.nan
+        contrast = float(cv2.meanStdDev(shown)[1][0, 0])
+        disparity[(fixed < 0) | (shown == 0) | (shown >= _WHITE) | (contrast < self.least_contrast)] = np.nan
         return disparity
 
     def _matcher(self, count: int) -> cv2.StereoSGBM:

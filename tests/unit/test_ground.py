@@ -1,5 +1,8 @@
 """The ground of rendered frames: the foothold's slope and height, and the uncertainty that goes with them."""
 
+from collections.abc import Callable
+
+import msgspec
 import numpy as np
 import pytest
 
@@ -8,7 +11,8 @@ from perception.disparity import OutOfRangeError
 from perception.foothold import FootholdSettings
 from perception.ground_estimator import GroundEstimator
 from perception.plane import Plane
-from perception.rectify import Rectifier
+from perception.rectify import Rectifier, Window
+from perception.stereo import DisparityRange, SemiGlobalMatcher
 from perception.stereo_camera import view_of
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
@@ -134,3 +138,34 @@ def test_an_uncertain_attitude_makes_the_slope_about_its_axis_uncertain() -> Non
     none, pitched, rolled = slope_variances(0.0, 0.0), slope_variances(0.02, 0.0), slope_variances(0.0, 0.03)
     assert pitched - none == pytest.approx([0.02**2, 0.0], abs=4e-6)
     assert rolled - none == pytest.approx([0.0, 0.03**2], abs=9e-6)
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "reason"),
+    [
+        (lambda image: image // 100, Reason.LOW_TEXTURE),
+        (lambda image: np.maximum(image, 255), Reason.LOW_TEXTURE),
+        (lambda image: np.full_like(image, 120) + image % 3, Reason.LOW_TEXTURE),
+    ],
+    ids=["a hundredth of the light", "white", "only noise"],
+)
+def test_what_shows_too_little_is_not_matched(spoilt: Callable[[np.ndarray], np.ndarray], reason: Reason) -> None:
+    wearer = SimulatedWearer(16, scenario("standing"), START_NS, perfect_calibration=True)
+    frame, _ = next(iter(wearer.frames(1)))
+    R_WB = wearer.gait.at(np.array([frame.header.t_exposure_ns])).R_WB[0]
+    estimator = GroundEstimator(wearer.calibration, FootholdSettings())
+    dark = msgspec.structs.replace(frame, left=spoilt(frame.left), right=spoilt(frame.right))
+    assert confirmed(estimator, dark, R_WB, np.zeros((3, 3))).reason is reason
+    assert confirmed(estimator, frame, R_WB, np.zeros((3, 3))).reason is Reason.NONE
+
+
+def test_where_the_picture_is_white_nothing_is_matched() -> None:
+    wearer = SimulatedWearer(16, scenario("standing"), START_NS, perfect_calibration=True)
+    frame, _ = next(iter(wearer.frames(1)))
+    rectifier = Rectifier(wearer.calibration.stereo, 2)
+    window, search = Window(200, 260, 200, 400), DisparityRange.covering(20.0, 60.0)
+    left = frame.left.copy()
+    left[:, 640:] = 255
+    matched = np.isfinite(SemiGlobalMatcher(rectifier).match(left, frame.right, window, search))
+    assert matched[:, :100].mean() > 0.9
+    assert matched[:, 130:].mean() == 0.0
