@@ -66,7 +66,7 @@ class ChipServer:
         self.mute = False
         self.late_answers = 0
         try:
-            self._fd = os.open(DEVICE, os.O_RDWR | os.O_CLOEXEC)
+            self._fd = os.open(DEVICE, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError as error:
             raise UserError(f"{DEVICE}: {error.strerror}") from error
         self._poll = select.poll()
@@ -77,7 +77,7 @@ class ChipServer:
         ready = self._poll.poll(1e3 * min(timeout_s, self._until_edge_s()))
         with self.lock:
             if ready:
-                self._answer(os.read(self._fd, _LONGEST_REQUEST))
+                self._answer_next()
             edges = self._chip.take_edges()
         for _ in edges:
             self.pulse()
@@ -96,10 +96,14 @@ class ChipServer:
             edge_ns = self._chip.next_edge_ns()
         return math.inf if edge_ns is None else max(0.0, 1e-9 * (edge_ns - self._clock()))
 
-    def _answer(self, request: bytes) -> None:
-        number, messages = _parsed(request)
+    def _answer_next(self) -> None:
+        try:
+            request = os.read(self._fd, _LONGEST_REQUEST)
+        except BlockingIOError:
+            return  # whoever asked was killed, or the kernel gave up, since the poll
         if self.mute:
             return
+        number, messages = _parsed(request)
         try:
             self._wires.transfer(*messages)
         except OSError as error:

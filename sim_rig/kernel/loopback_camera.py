@@ -1,5 +1,7 @@
 """The rig's pictures behind a real V4L2 node: what is shown here, a driver captures there, by way of v4l2loopback."""
 
+import contextlib
+import ctypes
 import fcntl
 import os
 
@@ -26,13 +28,18 @@ class LoopbackCamera:
         pix.pixelformat = v4l2.V4L2_PIX_FMT_YUYV
         pix.field = v4l2.V4L2_FIELD_NONE
         pix.bytesperline, pix.sizeimage = 4 * width_px, self._frame.nbytes
-        try:
-            self._fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
-            # the loopback makes up its mind whether it can be fed only when it is asked
-            fcntl.ioctl(self._fd, v4l2.VIDIOC_QUERYCAP, v4l2.Capability(), True)
-            fcntl.ioctl(self._fd, v4l2.VIDIOC_S_FMT, wanted, True)
-        except OSError as error:
-            raise UserError(f"{path}: cannot be fed with pictures: {error.strerror}") from error
+        with contextlib.ExitStack() as on_failure:
+            try:
+                self._fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+                on_failure.callback(os.close, self._fd)
+                # The loopback makes up its mind whether it can be fed only when it is asked, and lets the next one feed
+                # it only after one that began with STREAMON.
+                fcntl.ioctl(self._fd, v4l2.VIDIOC_QUERYCAP, v4l2.Capability(), True)
+                fcntl.ioctl(self._fd, v4l2.VIDIOC_S_FMT, wanted, True)
+                fcntl.ioctl(self._fd, v4l2.VIDIOC_STREAMON, ctypes.c_int(_V4L2_BUF_TYPE_VIDEO_OUTPUT))
+            except OSError as error:
+                raise UserError(f"{path}: cannot be fed with pictures: {error.strerror}") from error
+            on_failure.pop_all()
 
     def show(self, left: GreyImage, right: GreyImage) -> None:
         """Hand on one picture (height_px, width_px) of each eye; the kernel stamps it now."""

@@ -12,7 +12,8 @@ from tests.kernel.machine import boot, debian, host, initial, kernel, packages, 
 from tests.kernel.machine.host import WORKSHOP, FailedError, SkippedError
 from tests.kernel.machine.verdict import print_verdict
 
-LIMIT_S = 1200.0
+LIMIT_S = 3600.0
+"""For a busy host. What hangs inside is ended there, by the machine's own clock."""
 _SERVICE = ("tests/kernel/test_service.py", "tests/kernel/test_can.py", "tests/kernel/test_can_contract.py")
 SHARES = {
     "devices": " ".join(("tests/kernel", *(f"--ignore={file}" for file in _SERVICE))),
@@ -23,16 +24,16 @@ SHARES = {
 
 def main(pytest_options: list[str]) -> int:
     """Do it all; return the exit code."""
-    print("kernel tier:")
     try:
         host.require_debian()
         with host.alone():
+            print("kernel tier:")
             return 0 if _run(shlex.join(pytest_options)) else 1
     except SkippedError as reason:
-        print(f"skipped: {reason}")
+        print(f"kernel tier skipped: {reason}")
         return 0
     except FailedError as failure:
-        print(f"failed: {failure}")
+        print(f"kernel tier failed: {failure}")
         return 1
 
 

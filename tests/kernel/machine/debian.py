@@ -3,8 +3,7 @@
 import shutil
 from pathlib import Path
 
-from tests.kernel.machine import host
-from tests.kernel.machine.disk import make_disk
+from tests.kernel.machine import disk, host
 from tests.kernel.machine.host import DIST_PACKAGES, PYTHON, WORKSHOP, cached, digest, remove, run
 from tests.kernel.machine.kernel import KernelPackages
 
@@ -26,7 +25,8 @@ def require_same_python() -> None:
 def debian_disk(packages: KernelPackages, kernel_folder: Path) -> Path:
     """Return an ext4 image of Debian with systemd and this kernel's modules, cached."""
     release, sources = host.debian_sources()
-    key = digest(packages.key, release, *sources, *GUEST_PACKAGES, *MASKED, PYTHON, Path(__file__), *UNITS)
+    made_of = (*UNITS, Path(__file__), Path(disk.__file__))
+    key = digest(packages.key, release, *sources, *GUEST_PACKAGES, *MASKED, PYTHON, *made_of)
     tree = WORKSHOP / "debian-tree"
 
     def make(image: Path) -> None:
@@ -38,7 +38,7 @@ def debian_disk(packages: KernelPackages, kernel_folder: Path) -> Path:
             *(release, str(tree), *sources),
         )
         _furnish(tree, kernel_folder)
-        make_disk(tree, image, spare_mb=256)
+        disk.make_disk(tree, image, spare_mb=256)
         remove(tree)
 
     return cached("debian.img", key, make)

@@ -34,8 +34,10 @@ def step(title: str) -> Iterator[None]:
     """Tell a step and how long it took."""
     print(f"  {title} … ", end="", flush=True)
     start_s = time.monotonic()
-    yield
-    print(f"{time.monotonic() - start_s:.1f} s", flush=True)
+    try:
+        yield
+    finally:
+        print(f"{time.monotonic() - start_s:.1f} s", flush=True)
 
 
 def run(*command: str | Path, folder: Path | None = None) -> None:

@@ -21,7 +21,7 @@ def boot_disk(packages: KernelPackages, kernel_folder: Path) -> Path:
         for folder in ("bin", "modules", "proc", "sys", "dev", "root"):
             (tree / folder).mkdir(parents=True)
         shutil.copy2("/bin/busybox", tree / "bin" / "busybox")
-        for name in ("sh", "cat", "mount", "umount", "insmod", "switch_root"):
+        for name in ("sh", "cat", "sleep", "findfs", "mount", "umount", "insmod", "switch_root"):
             (tree / "bin" / name).symlink_to("busybox")
         order = kernel.load_order(kernel_folder, packages.release, kernel.BOOT_MODULES)
         for file in order:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.kernel.machine import host
-from tests.kernel.machine.host import PROJECT, WORKSHOP, FailedError, cached, digest, remove, run, told
+from tests.kernel.machine.host import PROJECT, WORKSHOP, FailedError, SkippedError, cached, digest, remove, run, told
 
-BOOT_MODULES = ("virtio_pci", "virtio_blk", "crc32c_generic", "ext4", "9pnet_virtio", "9p")
+BOOT_MODULES = ("nfit", "nd_pmem", "crc32c_generic", "ext4", "virtio_pci", "9pnet_virtio", "9p")
 TEST_MODULES = (
     *("i2c-dev", "i2c-stub"),
     *("videodev", "vivid"),
@@ -81,7 +81,10 @@ def _make(packages: KernelPackages, target: Path) -> None:
 def _download_and_unpack(name: str, folder: Path) -> None:
     downloads = folder / "downloads"
     downloads.mkdir(parents=True, exist_ok=True)
-    run("apt-get", "download", "--quiet", "-o", "APT::Sandbox::User=root", name, folder=downloads)
+    try:
+        run("apt-get", "download", "--quiet", "-o", "APT::Sandbox::User=root", name, folder=downloads)
+    except FailedError as failed:
+        raise SkippedError(f"package {name} cannot be fetched") from failed
     (package,) = downloads.glob(f"{name}_*.deb")
     run("dpkg", "--extract", package, folder)
 

@@ -4,7 +4,7 @@ import shutil
 import sysconfig
 from pathlib import Path
 
-from tests.kernel.machine.disk import make_disk
+from tests.kernel.machine import disk
 from tests.kernel.machine.host import PYTHON, PYTHON_PATH, WORKSHOP, cached, digest, remove, run
 
 NOT_NEEDED_INSIDE = shutil.ignore_patterns(
@@ -25,7 +25,7 @@ def packages_disk() -> Path:
         shutil.copytree(site, tree, ignore=NOT_NEEDED_INSIDE)
         (tree / "gaiteyes.pth").write_text("/srv/gaiteyes\n")
         run(PYTHON_PATH, "-m", "compileall", "-q", "-j", "0", tree)
-        make_disk(tree, image, spare_mb=8)
+        disk.make_disk(tree, image, spare_mb=8)
         remove(tree)
 
-    return cached("packages.img", digest(*installed, PYTHON, Path(__file__)), make)
+    return cached("packages.img", digest(*installed, PYTHON, Path(__file__), Path(disk.__file__)), make)
