@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from impedance.pendulum import (
+from impedance.body.pendulum import (
     centre_of_lines,
     centre_of_pairs,
     compound_inertia,
@@ -23,7 +23,7 @@ from impedance.pendulum import (
     rod_inertia,
     torsional_inertia,
 )
-from impedance.propagation import propagated
+from impedance.identification.propagation import propagated
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from impedance.force_noise import ChannelNoise, fit_force_noise
-from impedance.rigid_body import Array
+from impedance.body.rigid_body import Array
+from impedance.recording.force_noise import ChannelNoise, fit_force_noise
 
 BESIDE = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "force_plate_at_rest"
 PLATES = ("FP1", "FP2")

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from impedance.physical import boundary, consistent, is_consistent
-from impedance.rigid_body import Inertia, regressor
+from impedance.body.physical import boundary, consistent, is_consistent
+from impedance.body.rigid_body import Inertia, regressor
 
 Array = NDArray[np.float64]
 

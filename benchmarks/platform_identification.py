@@ -16,16 +16,23 @@ from pathlib import Path
 import numpy as np
 
 from cli.console import console, progress, table, write_json
-from impedance.bound import propagated, true_information
-from impedance.identification import BAND_SHARE, Identification, KnownBody, identify, problem_of, weighing_deviation_kg
-from impedance.mechanism import FreeBody, Mechanism, UniversalJoint
-from impedance.noise_level import NoiseLevel
-from impedance.observability import INTERVAL_95, NAMES, about_cog, about_cog_slope, moving
-from impedance.recording import PlatformRecording
-from impedance.rigid_body import Array
-from impedance.seed_estimator import Variant, foot_residual, least_residual, plate_residual
-from impedance.spectra import Spectra
-from impedance.synchronous import synchronous
+from impedance.body.rigid_body import Array
+from impedance.first_study.seed_estimator import Variant, foot_residual, least_residual, plate_residual
+from impedance.identification.bound import propagated, true_information
+from impedance.identification.identification import (
+    BAND_SHARE,
+    Identification,
+    KnownBody,
+    identify,
+    problem_of,
+    weighing_deviation_kg,
+)
+from impedance.identification.mechanism import FreeBody, Mechanism, UniversalJoint
+from impedance.identification.noise_level import NoiseLevel
+from impedance.identification.observability import INTERVAL_95, NAMES, about_cog, about_cog_slope, moving
+from impedance.identification.spectra import Spectra
+from impedance.recording.recording import PlatformRecording
+from impedance.recording.synchronous import synchronous
 from sim_rig.platform.rig import FOOT, PLATE, THESIS_NOISE, Rig
 from sim_rig.platform.run import RunSettings, SimulatedRun, measured, simulate
 

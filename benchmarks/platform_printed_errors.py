@@ -3,11 +3,11 @@
 import numpy as np
 from scipy.signal import fftconvolve
 
-from impedance import geometry
-from impedance.equations import body_wrench, plate_and_foot_wrench, tare
-from impedance.kinematics import Kinematics
-from impedance.rigid_body import Array, Inertia, wrench_transform
-from impedance.signals import LOW_PASS_LOST, derivative_taps, low_pass_taps, low_passed
+from impedance.body import geometry
+from impedance.body.equations import body_wrench, plate_and_foot_wrench, tare
+from impedance.body.kinematics import Kinematics
+from impedance.body.rigid_body import Array, Inertia, wrench_transform
+from impedance.first_study.signals import LOW_PASS_LOST, derivative_taps, low_pass_taps, low_passed
 from sim_rig.platform.printed import FOOT as PRINTED_FOOT
 from sim_rig.platform.printed import RATES_HZ, body_of
 from sim_rig.platform.rig import FOOT, MOTION_HZ, PLATE, THESIS_NOISE, UPPER_FRAME, Rig

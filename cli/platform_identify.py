@@ -23,9 +23,9 @@ def identify(
 ) -> None:
     """Identify the plate, or the foot where one is mounted: ten parameters with 95 % intervals."""
     from cli.console import check_writable, console, table, write_json
-    from impedance.identification import identify as identified
-    from impedance.platform_report import HEADING, facts, parameter_rows, remarks, write_report
-    from impedance.recording import PlatformRecording
+    from impedance.identification.identification import identify as identified
+    from impedance.identification.platform_report import HEADING, facts, parameter_rows, remarks, write_report
+    from impedance.recording.recording import PlatformRecording
 
     check_writable(json)
     known = None if plate is None else identified(PlatformRecording.load(plate), joint=joint, weighed=weighed).known
@@ -51,7 +51,7 @@ def design(
     import numpy as np
 
     from cli.console import check_writable, progress, table, write_json
-    from impedance.experiment import MotionLimits
+    from impedance.identification.experiment import MotionLimits
     from sim_rig.platform.design import AMPLITUDES_DEG, COLUMNS, designed_for
 
     check_writable(json)

@@ -13,7 +13,7 @@ def import_c3d(
 ) -> None:
     """Bring a C3D file into the recording format, checked."""
     from cli.console import console
-    from impedance.c3d import read_c3d
+    from impedance.recording.c3d import read_c3d
 
     recording = read_c3d(file, layout)
     recording.save(out)

@@ -5,10 +5,11 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from impedance import geometry
-from impedance.experiment import Multisine
-from impedance.mechanism import UniversalJoint, level_rest
-from impedance.recording import (
+from impedance.body import geometry
+from impedance.body.rigid_body import Array, Inertia
+from impedance.identification.experiment import Multisine
+from impedance.identification.mechanism import UniversalJoint, level_rest
+from impedance.recording.recording import (
     FootSettings,
     NoiseSettings,
     PlateSettings,
@@ -18,7 +19,6 @@ from impedance.recording import (
     RateSettings,
     TareSettings,
 )
-from impedance.rigid_body import Array, Inertia
 
 RATE_HZ = 350.0
 L_M = 0.12

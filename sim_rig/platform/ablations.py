@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from impedance.rigid_body import Array
-from impedance.seed_estimator import Variant
+from impedance.body.rigid_body import Array
+from impedance.first_study.seed_estimator import Variant
 from sim_rig.platform.printed import FOOT, PLATE, RATES_HZ, ROWS, PrintedTable, body_of, rows_of
 from sim_rig.platform.rig import THESIS_NOISE, Noise
 from sim_rig.platform.study import NOISE_FREE, Experiment, Laboratory, Treatment

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from impedance.experiment import (
+from impedance.identification.experiment import (
     RATE_HZ,
     Design,
     MotionLimits,
@@ -15,7 +15,7 @@ from impedance.experiment import (
     least_seconds,
     seconds_for,
 )
-from impedance.mechanism import UniversalJoint, level_rest
+from impedance.identification.mechanism import UniversalJoint, level_rest
 from sim_rig.platform.rig import PLATE, THESIS_NOISE, Rig
 
 AMPLITUDES_DEG: Final = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from impedance.rigid_body import Array
+from impedance.body.rigid_body import Array
 
 Excitation = Callable[[Array], Array]
 """From times (n,) in seconds to torques (n, 2) in N·m about I's Z and P's X."""

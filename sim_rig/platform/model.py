@@ -5,7 +5,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from impedance.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Array, Inertia
 from sim_rig.platform.rig import Rig
 
 SENSORS: Final = {

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from impedance import geometry
-from impedance.rigid_body import Array
+from impedance.body import geometry
+from impedance.body.rigid_body import Array
 from messages.errors import UserError
 from sim_rig.platform.run import SimulatedRun
 

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from impedance.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Array, Inertia
 
 ROWS: Final = ("m", "x0", "y0", "z0", "Jx", "Jy", "Jz", "Jyz", "Jxz", "Jxy")
 UNITS: Final = ("kg", "mm", "mm", "mm", *("g m²",) * 6)

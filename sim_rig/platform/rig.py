@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from impedance.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Array, Inertia
 
 MOTION_HZ: Final = 350.0
 DURATION_S: Final = 60.0

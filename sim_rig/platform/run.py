@@ -13,9 +13,10 @@ import numpy as np
 from mujoco import rollout
 from scipy.signal import firwin, upfirdn
 
-from impedance import geometry
-from impedance.kinematics import Kinematics
-from impedance.recording import (
+from impedance.body import geometry
+from impedance.body.kinematics import Kinematics
+from impedance.body.rigid_body import Array, Inertia
+from impedance.recording.recording import (
     FootSettings,
     NoiseSettings,
     PlateSettings,
@@ -26,7 +27,6 @@ from impedance.recording import (
     TareSettings,
     Truth,
 )
-from impedance.rigid_body import Array, Inertia
 from sim_rig.platform import rig as laboratory
 from sim_rig.platform.excitation import Excitation, random_steps
 from sim_rig.platform.model import SENSORS, model_of

@@ -5,11 +5,10 @@ from dataclasses import dataclass, field, replace
 import msgspec
 import numpy as np
 
-from impedance.kinematics import Kinematics
-from impedance.recording import PlatformRecording, TareSettings
-from impedance.rigid_body import Array, Inertia, wrench_transform
-from impedance.seed_descent import descended
-from impedance.seed_estimator import (
+from impedance.body.kinematics import Kinematics
+from impedance.body.rigid_body import Array, Inertia, wrench_transform
+from impedance.first_study.seed_descent import descended
+from impedance.first_study.seed_estimator import (
     LinearResidual,
     Variant,
     foot_residual,
@@ -17,6 +16,7 @@ from impedance.seed_estimator import (
     mass_upright,
     plate_residual,
 )
+from impedance.recording.recording import PlatformRecording, TareSettings
 from sim_rig.platform.rig import DURATION_S, FOOT, PLATE, THESIS_NOISE, Noise, Rig
 from sim_rig.platform.run import SPAN_NM, RunSettings, SimulatedRun, measured, simulate
 

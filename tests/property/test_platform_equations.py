@@ -5,10 +5,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from impedance import geometry
-from impedance.equations import body_wrench, foot_residual, plate_and_foot_wrench, plate_residual, plate_wrench, tare
-from impedance.kinematics import Kinematics
-from impedance.rigid_body import Array, Inertia
+from impedance.body import geometry
+from impedance.body.equations import (
+    body_wrench,
+    foot_residual,
+    plate_and_foot_wrench,
+    plate_residual,
+    plate_wrench,
+    tare,
+)
+from impedance.body.kinematics import Kinematics
+from impedance.body.rigid_body import Array, Inertia
 from sim_rig.platform.rig import PLATE, UPPER_FRAME, Rig
 
 RELATIVE = 1e-9

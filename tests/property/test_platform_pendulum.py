@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impedance.pendulum import (
+from impedance.body.pendulum import (
     centre_of_lines,
     centre_of_pairs,
     compound_inertia,
@@ -14,7 +14,7 @@ from impedance.pendulum import (
     rod_inertia,
     torsional_inertia,
 )
-from impedance.propagation import propagated
+from impedance.identification.propagation import propagated
 
 sizes = st.floats(0.05, 5.0)
 

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from impedance.physical import boundary, consistent, is_consistent, pseudo_inertia
-from impedance.rigid_body import Array, Inertia
+from impedance.body.physical import boundary, consistent, is_consistent, pseudo_inertia
+from impedance.body.rigid_body import Array, Inertia
 
 _SEEDS = st.integers(0, 2**31)
 

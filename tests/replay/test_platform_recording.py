@@ -8,7 +8,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from impedance.recording import (
+from impedance.body.rigid_body import Array
+from impedance.recording.recording import (
     FORCE_FILE,
     MOTION_FILE,
     SETTINGS_FILE,
@@ -16,9 +17,8 @@ from impedance.recording import (
     Poses,
     read_truth,
 )
-from impedance.resampling import resampled
-from impedance.rigid_body import Array
-from impedance.synchronous import synchronous
+from impedance.recording.resampling import resampled
+from impedance.recording.synchronous import synchronous
 from messages.errors import UserError
 
 pytest.importorskip("mujoco")

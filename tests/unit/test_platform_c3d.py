@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from impedance import geometry
-from impedance.c3d import pose_of_markers, read_c3d
-from impedance.recording import PlatformRecording, Poses
-from impedance.rigid_body import Array
+from impedance.body import geometry
+from impedance.body.rigid_body import Array
+from impedance.recording.c3d import pose_of_markers, read_c3d
+from impedance.recording.recording import PlatformRecording, Poses
 from messages.errors import UserError
 
 pytest.importorskip("ezc3d")

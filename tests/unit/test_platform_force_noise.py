@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from benchmarks.force_plate_noise import PLATES, WRENCH, innovation_ratio, resting_plates
-from impedance.force_noise import fit_force_noise
-from impedance.rigid_body import Array
+from impedance.body.rigid_body import Array
+from impedance.recording.force_noise import fit_force_noise
 from messages.errors import UserError
 from tests.data_folder import shared_data
 

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from impedance.bound import propagated, true_information
-from impedance.geometry import rotation_IP
-from impedance.identification import BAND_SHARE, KnownBody, identify, problem_of
-from impedance.mechanism import FreeBody, Mechanism, UniversalJoint
-from impedance.noise_level import NoiseLevel, noise_level
-from impedance.observability import INTERVAL_95, NAMES, about_cog, about_cog_slope
-from impedance.recording import PlatformRecording, Poses
-from impedance.rigid_body import Array
-from impedance.spectra import Spectra
-from impedance.synchronous import synchronous
+from impedance.body.geometry import rotation_IP
+from impedance.body.rigid_body import Array
+from impedance.identification.bound import propagated, true_information
+from impedance.identification.identification import BAND_SHARE, KnownBody, identify, problem_of
+from impedance.identification.mechanism import FreeBody, Mechanism, UniversalJoint
+from impedance.identification.noise_level import NoiseLevel, noise_level
+from impedance.identification.observability import INTERVAL_95, NAMES, about_cog, about_cog_slope
+from impedance.identification.spectra import Spectra
+from impedance.recording.recording import PlatformRecording, Poses
+from impedance.recording.synchronous import synchronous
 from messages.errors import UserError
 from tests.platform_motion import FOOT, L_M, PLATE, lines, noisy, recording, undeclared
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from impedance.mixed_model import Block, Prior, fit, whiten
+from impedance.ankle.mixed_model import Block, Prior, fit, whiten
 
 ONE_SEGMENT = np.zeros(400, dtype=np.int64)
 

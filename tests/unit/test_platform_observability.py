@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from impedance.experiment import (
+from impedance.body.rigid_body import Inertia
+from impedance.identification.experiment import (
     RATE_HZ,
     MotionLimits,
     SensorNoise,
@@ -12,9 +13,16 @@ from impedance.experiment import (
     least_seconds,
     seconds_for,
 )
-from impedance.mechanism import FreeBody, Mechanism, UniversalJoint, level_rest
-from impedance.observability import NAMES, about_cog, about_cog_slope, covariance_of, moving, observed, vector_scale
-from impedance.rigid_body import Inertia
+from impedance.identification.mechanism import FreeBody, Mechanism, UniversalJoint, level_rest
+from impedance.identification.observability import (
+    NAMES,
+    about_cog,
+    about_cog_slope,
+    covariance_of,
+    moving,
+    observed,
+    vector_scale,
+)
 from tests.platform_motion import FOOT, L_M, PLATE
 
 

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.bicycle_inertia import BICYCLES, compared, raw_period
 from benchmarks.kuka_inertia import JOINTS, Joint, Run, columns, identified, judged, read_arm, read_run, splits, told
-from impedance.pendulum import centre_of_pairs
-from impedance.physical import is_consistent
+from impedance.body.pendulum import centre_of_pairs
+from impedance.body.physical import is_consistent
 from tests.data_folder import shared_data
 
 Array = NDArray[np.float64]

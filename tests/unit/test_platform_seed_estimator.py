@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from impedance import geometry
-from impedance.kinematics import Kinematics
-from impedance.recording import (
+from impedance.body import geometry
+from impedance.body.kinematics import Kinematics
+from impedance.body.rigid_body import Inertia, wrench_transform
+from impedance.first_study.seed_descent import descended
+from impedance.first_study.seed_estimator import Variant, foot_residual, least_residual, mass_upright, plate_residual
+from impedance.recording.recording import (
     FootSettings,
     PlateSettings,
     PlatformRecording,
@@ -16,9 +19,6 @@ from impedance.recording import (
     RateSettings,
     TareSettings,
 )
-from impedance.rigid_body import Inertia, wrench_transform
-from impedance.seed_descent import descended
-from impedance.seed_estimator import Variant, foot_residual, least_residual, mass_upright, plate_residual
 from sim_rig.platform.printed import FOOT, PLATE, body_of, rows_of
 
 RATE_HZ = 350.0

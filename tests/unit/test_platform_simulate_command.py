@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cli.main import app
-from impedance.recording import PlatformRecording, read_truth
+from impedance.recording.recording import PlatformRecording, read_truth
 from messages.errors import UserError
 
 pytest.importorskip("mujoco")

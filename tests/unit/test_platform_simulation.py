@@ -8,10 +8,10 @@ from scipy import fft
 
 pytest.importorskip("mujoco")
 
-from impedance.geometry import rotation_IP
-from impedance.kinematics import Kinematics
-from impedance.recording import PlatformRecording, read_truth
-from impedance.rigid_body import Array
+from impedance.body.geometry import rotation_IP
+from impedance.body.kinematics import Kinematics
+from impedance.body.rigid_body import Array
+from impedance.recording.recording import PlatformRecording, read_truth
 from sim_rig.platform.excitation import sampled
 from sim_rig.platform.rig import FOOT, MOTION_HZ, THESIS_NOISE, Noise, Rig
 from sim_rig.platform.run import RunSettings, SimulatedRun, bare_plate_tare, measured, simulate
