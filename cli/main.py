@@ -10,6 +10,7 @@ from cli.check import check
 from cli.demo import demo
 from cli.evaluate import evaluate
 from cli.faults import faults
+from cli.platform import platform
 from cli.replay import replay
 from cli.run import run
 
@@ -27,6 +28,7 @@ app.command()(replay)
 app.command()(faults)
 app.add_typer(evaluate, name="evaluate")
 app.add_typer(calibrate, name="calibrate")
+app.add_typer(platform, name="platform")
 
 
 def main() -> None:

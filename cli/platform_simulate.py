@@ -1,0 +1,57 @@
+"""`gaiteyes platform simulate`: a recording of the simulated platform."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def simulate(
+    out: Annotated[Path, typer.Option(help="Folder to write the recording to.")],
+    foot: Annotated[bool, typer.Option("--foot", help="With the mockup foot on the plate.")] = False,
+    rate: Annotated[float, typer.Option(min=1.0, max=175.0, help="Updates of the actuators per second.")] = 40.0,
+    seconds: Annotated[float, typer.Option(min=2.0, max=600.0, help="Length of the run.")] = 60.0,
+    seed: Annotated[int, typer.Option(min=0, help="Draws the actuators' input and the noise.")] = 1,
+    noise: Annotated[bool, typer.Option(help="With the thesis's sensor noise.")] = True,
+    raw: Annotated[bool, typer.Option("--raw", help="Torque steps sampled without an anti-alias filter.")] = False,
+    picture: Annotated[
+        Path | None, typer.Option(help="Also draw the run: .png, .svg, .pdf, or .gif to animate.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")] = None,
+) -> None:
+    """Simulate the vibrating platform and write what its instruments record.
+
+    The truth is written too, into a table that no estimator reads. A recording with the foot states the plate's
+    inertia, as if an earlier run had told it.
+    """
+    import numpy as np
+
+    from cli.console import check_writable, table, write_json
+    from messages.errors import UserError
+
+    check_writable(json)
+    try:
+        from sim_rig.platform.run import RunSettings, measured
+        from sim_rig.platform.run import simulate as simulated
+    except ModuleNotFoundError as error:
+        raise UserError(f"the platform's simulation needs {error.name}: pip install 'gaiteyes[lab]'") from error
+    from sim_rig.platform.picture import draw
+    from sim_rig.platform.rig import FOOT, PLATE, THESIS_NOISE, Rig
+
+    rig = Rig(foot=FOOT if foot else None)
+    run = simulated(RunSettings(rig=rig, update_hz=rate, duration_s=seconds, raw=raw), seed)
+    recording = measured(run, THESIS_NOISE if noise else None, seed, PLATE if foot else None)
+    recording.save(out, run.truth)
+    if picture is not None:
+        draw(run, picture)
+    names = ("θ about Z, °", "φ about X, °", "fx, N", "fy, N", "fz, N", "tx, N m", "ty, N m", "tz, N m")
+    channels = np.hstack((np.rad2deg(run.angles_rad), recording.wrench))
+    deviations, largest = channels.std(axis=0).tolist(), np.abs(channels).max(axis=0).tolist()
+    table(
+        f"{out}: {len(run.t_s)} samples, {seconds:g} s, seed {seed}",
+        ["", "standard deviation", "largest"],
+        [[name, f"{s:.3g}", f"{m:.4g}"] for name, s, m in zip(names, deviations, largest, strict=True)],
+    )
+    if json is not None:
+        sizes = {name: {"deviation": s, "largest": m} for name, s, m in zip(names, deviations, largest, strict=True)}
+        write_json(json, {"folder": str(out), "samples": len(run.t_s), "seed": seed, "channels": sizes})

@@ -1,0 +1,349 @@
+"""A person on the vibrating platform: cycles of stance, perturbed, and what the sensors make of them.
+
+The truth is made without any of the estimator's equations: the shank answers the ankle's moments by its own equation of
+motion; the reflex is a half-wave rectified stretch rate, 0.1 s late, through muscle dynamics; balance is a late
+feedback of the shank's sway; the wrench on the sensor is the rate of change of the momenta of plate and foot,
+differentiated numerically at four times the sampling rate, minus weight and what the shank does at the ankle.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from impedance.ankle.ankle_table import AnkleTable, AxisTable
+from impedance.ankle.ankle_trial import (
+    Ankle,
+    AnkleTrial,
+    BodyPrior,
+    FlatFoot,
+    Manoeuvre,
+    Perturbation,
+    Subject,
+    TrialSettings,
+)
+from sim_rig.platform.ankle_person import Person
+from sim_rig.platform.rig import MOTION_HZ, PLATE, THESIS_NOISE
+
+FloatArray = NDArray[np.float64]
+
+FLAT_FOOT: Final = (0.10, 0.80)
+_OVERSAMPLING = 4
+_PAD = 24
+_G_I: Final = np.array([0.0, -9.81, 0.0])
+_JOINT_TO_SURFACE_M: Final = 0.12
+_RAMP_RAD: Final = np.deg2rad(2.0)
+_RAMP_S: Final = 0.075
+_RANDOM_BAND_HZ: Final = (4.0, 25.0)
+_RANDOM_RMS_RAD: Final = np.deg2rad(0.5)
+_REFLEX_DELAY_S: Final = 0.100
+_MUSCLE_RADPS: Final = 25.0
+_BALANCE_DELAY_S: Final = 0.15
+_BALANCE_PER_S2: Final = 3.0
+_SLOW_BAND_HZ: Final = (0.2, 2.0)
+_SLOW_MOMENT_PER_KG: Final = np.array([0.03, 0.01])
+_SLOW_SHANK_RAD: Final = 0.008
+_SLOW_FORCE_SHARE: Final = 0.02
+
+
+@dataclass(frozen=True)
+class AnkleNoise:
+    """Standard deviations of white noise; `snr_db`, if any, sets the moments' noise from the perturbed moment
+    instead."""
+
+    plate_rad: float = THESIS_NOISE.angle_rad
+    shank_rad: float = 3e-4
+    force_n: float = THESIS_NOISE.force_n
+    torque_nm: float = THESIS_NOISE.torque_nm
+    snr_db: float | None = None
+
+
+SEED_NOISE: Final = AnkleNoise()
+AT_15_DB: Final = AnkleNoise(snr_db=15.0)
+
+
+@dataclass(frozen=True)
+class AnkleRun:
+    """Noise-free cycles at 350 Hz, one after the other (n samples), and the truth about them.
+
+    `turn`, `rate` (n, 2): x and ẋ of the ankle against its own course, `acceleration` (n, 2) of the plate;
+    `intrinsic_nm` (n, 2) = K x + B ẋ + I θ̈, I the foot's moment about the ankle `foot_about_ankle_kgm2` (2,);
+    `flat` (n,) where it counts.
+    """
+
+    person: Person
+    settings: TrialSettings
+    cycle: NDArray[np.int64]
+    t_s: FloatArray
+    stance: FloatArray
+    plate_rad: FloatArray
+    shank_rad: FloatArray
+    wrench: FloatArray
+    perturbation: tuple[Perturbation, ...]
+    onset_s: FloatArray
+    turn: FloatArray
+    rate: FloatArray
+    acceleration: FloatArray
+    intrinsic_nm: FloatArray
+    foot_about_ankle_kgm2: FloatArray
+    flat: NDArray[np.bool_]
+
+    @property
+    def perturbed(self) -> NDArray[np.bool_]:
+        """Return (n,) where the flat foot is perturbed; of a ramp from its onset to before the reflex."""
+        moved = np.array([kind is not Perturbation.NONE for kind in self.perturbation])[self.cycle]
+        after_s = self.t_s - self.onset_s[self.cycle]
+        felt: NDArray[np.bool_] = np.isnan(after_s) | ((after_s >= 0.0) & (after_s < _REFLEX_DELAY_S))
+        perturbed: NDArray[np.bool_] = self.flat & moved & felt
+        return perturbed
+
+
+def walk(person: Person, plan: Sequence[Perturbation], seed: int, slope_deg: float = 0.0) -> AnkleRun:
+    """Return the cycles of `plan`, one perturbation each; a ramp's onset lies anywhere in the flat foot's stance."""
+    rng = np.random.default_rng((seed, 2))
+    count, dt = len(plan), 1.0 / (MOTION_HZ * _OVERSAMPLING)
+    stance_s = person.stance_s * (1.0 + 0.03 * np.clip(rng.standard_normal(count), -2.0, 2.0))
+    samples = int(np.ceil(stance_s.max() / dt)) + 2 * _PAD
+    t = dt * np.arange(-_PAD, samples - _PAD, dtype=np.float64)
+    stance: FloatArray = np.divide(t, stance_s[:, None], dtype=np.float64)
+    onset_s = stance_s * rng.permutation(np.linspace(FLAT_FOOT[0], FLAT_FOOT[1] - 0.12, count))
+    slope = np.array([np.deg2rad(slope_deg), 0.0])
+    plate = slope + _plate_motion(plan, onset_s, t, stance, rng)
+    plate_rate, plate_acceleration = _derivative(plate, dt), _derivative(_derivative(plate, dt), dt)
+
+    K, B = person.stiffness(stance), person.damping(stance)
+    sway, turn, rate, late = _answered(person, plate - slope, plate_rate, K, B, stance, dt)
+    intrinsic = K * turn + B * rate
+    slow = _slow(rng, t, count, 2) * person.mass_kg * _SLOW_MOMENT_PER_KG
+    fatigue = np.linspace(-1.0, 1.0, count)[:, None, None] * 0.02 * person.usual_moment(np.clip(stance, 0.0, 1.0))
+    contact = np.clip(stance, 0.0, 1.0)
+    on_foot = -(person.usual_moment(contact) + fatigue + slow + intrinsic + late)
+    natural = _SLOW_SHANK_RAD * _slow(rng, t, count, 2)
+    shank = person.usual_shank(contact) + natural + sway
+    push = person.usual_force(contact) * (1.0 + _SLOW_FORCE_SHARE * _slow(rng, t, count, 3))
+    wrench = _sensed(person, plate, push, on_foot, dt)
+    inertia = _about(person.ankle_P_m, person.foot_kg, person.foot_cog_P_m, person.foot_kgm2)
+
+    taken = np.zeros(stance.shape, dtype=np.bool_)
+    taken[:, _PAD:-_PAD:_OVERSAMPLING] = True
+    taken &= (stance >= 0.0) & (stance <= 1.0)
+    cycle = np.nonzero(taken)[0]
+    ramp = np.array([kind is Perturbation.RAMP for kind in plan])
+    return AnkleRun(
+        person=person,
+        settings=_settings(person, slope_deg, rng),
+        cycle=cycle,
+        t_s=np.broadcast_to(t, stance.shape)[taken],
+        stance=stance[taken],
+        plate_rad=plate[taken],
+        shank_rad=shank[taken],
+        wrench=wrench[taken],
+        perturbation=tuple(plan),
+        onset_s=np.where(ramp, onset_s, np.nan),
+        turn=turn[taken],
+        rate=rate[taken],
+        acceleration=plate_acceleration[taken],
+        intrinsic_nm=(intrinsic + inertia * plate_acceleration)[taken],
+        foot_about_ankle_kgm2=inertia,
+        flat=(stance[taken] >= FLAT_FOOT[0]) & (stance[taken] <= FLAT_FOOT[1]),
+    )
+
+
+def measured(run: AnkleRun, noise: AnkleNoise, seed: int) -> AnkleTrial:
+    """Return the trial that the sensors record of the run; the signal of `snr_db` is the perturbed intrinsic moment."""
+    rng = np.random.default_rng((seed, 3))
+    torque_nm = np.full(3, noise.torque_nm)
+    if noise.snr_db is not None:
+        signal = np.sqrt((run.intrinsic_nm[run.perturbed] ** 2).mean(axis=0))
+        torque_nm[[2, 0]] = signal / 10.0 ** (noise.snr_db / 20.0)
+    deviations = np.concatenate((np.full(3, noise.force_n), torque_nm))
+    return AnkleTrial(
+        settings=run.settings,
+        cycle=run.cycle,
+        t_s=run.t_s,
+        stance=run.stance,
+        plate_rad=run.plate_rad + noise.plate_rad * rng.standard_normal(run.plate_rad.shape),
+        shank_rad=run.shank_rad + noise.shank_rad * rng.standard_normal(run.shank_rad.shape),
+        wrench=run.wrench + deviations * rng.standard_normal(run.wrench.shape),
+        perturbation=run.perturbation,
+        onset_s=run.onset_s,
+    )
+
+
+def true_table(run: AnkleRun, points: int = 29) -> AnkleTable:
+    """Return the true impedance as the table that an identification of the run should come to; no interval."""
+    stance = np.linspace(*FLAT_FOOT, points)
+    curves = (run.person.stiffness(stance), run.person.damping(stance))
+    first, second = (
+        AxisTable(*(K.tolist(),) * 3, *(B.tolist(),) * 3, *(inertia,) * 3, [])
+        for K, B, inertia in zip(*(curve.T for curve in curves), run.foot_about_ankle_kgm2.tolist(), strict=True)
+    )
+    settings = run.settings
+    return AnkleTable(
+        manoeuvre=settings.manoeuvre,
+        ground_slope_deg=settings.ground_slope_deg,
+        subject=settings.subject.code,
+        body_mass_kg=settings.subject.mass_kg,
+        perturbed_cycles=sum(kind is not Perturbation.NONE for kind in run.perturbation),
+        stance_percent=(100.0 * stance).round(6).tolist(),
+        dorsi_plantarflexion=first,
+        inversion_eversion=second,
+    )
+
+
+def _plate_motion(
+    plan: Sequence[Perturbation], onset_s: FloatArray, t: FloatArray, stance: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """Return (c, n, 2): θ and φ against the level or the slope."""
+    signs = rng.choice([-1.0, 1.0], (len(plan), 1, 2))
+    u = np.clip((t - onset_s[:, None]) / _RAMP_S, 0.0, 1.0)[..., None]
+    ramp = signs * _RAMP_RAD * (u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
+    envelope = np.clip(stance / 0.12, 0.0, 1.0)[..., None]
+    envelope = envelope**3 * (10.0 - 15.0 * envelope + 6.0 * envelope**2)
+    random = _RANDOM_RMS_RAD * envelope * _band(rng, t, len(plan), 2, _RANDOM_BAND_HZ)
+    kind = np.array([(each is Perturbation.RAMP, each is Perturbation.RANDOM) for each in plan], dtype=np.float64)
+    motion: FloatArray = kind[:, :1, None] * ramp + kind[:, 1:, None] * random
+    return motion
+
+
+def _band(
+    rng: np.random.Generator, t: FloatArray, cycles: int, channels: int, band_hz: tuple[float, float]
+) -> FloatArray:
+    """Return (c, n, k) of Gaussian noise of unit variance, flat within the band: 60 random harmonics of each."""
+    f = rng.uniform(*band_hz, (60, cycles, channels))
+    sine, cosine = rng.standard_normal((2, 60, cycles, channels))
+    noise: FloatArray = np.zeros((cycles, len(t), channels))
+    for f_k, sine_k, cosine_k in zip(f, sine, cosine, strict=True):
+        phase = 2.0 * np.pi * f_k[:, None] * t[:, None]
+        noise += sine_k[:, None] * np.sin(phase) + cosine_k[:, None] * np.cos(phase)
+    unit: FloatArray = noise / np.sqrt(60.0)
+    return unit
+
+
+def _slow(rng: np.random.Generator, t: FloatArray, cycles: int, channels: int) -> FloatArray:
+    return _band(rng, t, cycles, channels, _SLOW_BAND_HZ)
+
+
+def _answered(
+    person: Person,
+    plate: FloatArray,
+    plate_rate: FloatArray,
+    K: FloatArray,
+    B: FloatArray,
+    stance: FloatArray,
+    dt: float,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the shank's sway, the ankle's turn and rate, reflex plus balance (c, n, 2).
+
+    J η̈ = K x + B ẋ + late − c η̇ with x = θ − η: semi-implicit Euler at 1400 Hz, all cycles and axes at once.
+    """
+    J = person.shank_kgm2
+    resist = 6.0 * J
+    reflex_late, balance_late = round(_REFLEX_DELAY_S / dt), round(_BALANCE_DELAY_S / dt)
+    gain = person.reflex_nm_s * np.clip(np.sin(np.pi * np.clip(stance, 0.0, 1.0)), 0.0, 1.0)[..., None]
+    contact = ((stance >= 0.0) & (stance <= 1.0))[..., None]
+    sway, speed = np.zeros(plate.shape), np.zeros(plate.shape)
+    turn, rate, late = np.zeros(plate.shape), np.zeros(plate.shape), np.zeros(plate.shape)
+    active, activation = np.zeros_like(plate[:, 0]), np.zeros_like(plate[:, 0])
+    for k in range(1, plate.shape[1]):
+        turn[:, k - 1], rate[:, k - 1] = plate[:, k - 1] - sway[:, k - 1], plate_rate[:, k - 1] - speed[:, k - 1]
+        stretch = np.maximum(rate[:, max(k - reflex_late, 0)], 0.0)
+        activation = activation + dt * _MUSCLE_RADPS * (stretch - activation)
+        active = active + dt * _MUSCLE_RADPS * (activation - active)
+        past = max(k - balance_late, 0)
+        balance = _BALANCE_PER_S2 * J * (sway[:, past] + 0.3 * speed[:, past])
+        late[:, k - 1] = contact[:, k - 1] * (gain[:, k - 1] * active - balance)
+        moment = contact[:, k - 1] * (K[:, k - 1] * turn[:, k - 1] + B[:, k - 1] * rate[:, k - 1]) + late[:, k - 1]
+        speed[:, k] = speed[:, k - 1] + dt * (moment - resist * speed[:, k - 1]) / J
+        sway[:, k] = sway[:, k - 1] + dt * speed[:, k]
+    turn[:, -1], rate[:, -1] = plate[:, -1] - sway[:, -1], plate_rate[:, -1] - speed[:, -1]
+    return sway, turn, rate, late
+
+
+def _sensed(person: Person, plate: FloatArray, push: FloatArray, on_foot: FloatArray, dt: float) -> FloatArray:
+    """Return the wrench (c, n, 6) of the sensor on the plate, in P about P's origin, the level plate's weight tared.
+
+    `push` (c, n, 3) in I is what the platform must carry of the person beside the foot's weight; `on_foot` (c, n, 2) is
+    the moment of the shank on the foot about P's Z and X at the ankle.
+    """
+    shape = plate.shape[:2]
+    R = Rotation.from_euler("ZX", plate.reshape(-1, 2)).as_matrix().reshape(*shape, 3, 3)
+    up = np.array([0.0, _JOINT_TO_SURFACE_M, 0.0])
+    origin, ankle = R @ up, R @ (up + person.ankle_P_m)
+    R_rate = _derivative(R.reshape(*shape, 9), dt).reshape(R.shape)
+    spin = R_rate @ np.swapaxes(R, -1, -2)
+    w = np.stack((spin[..., 2, 1], spin[..., 0, 2], spin[..., 1, 0]), axis=-1)
+    force, moment = np.zeros((*shape, 3)), np.zeros((*shape, 3))
+    for mass_kg, cog, J in (
+        (PLATE.mass_kg, PLATE.cog_m, PLATE.inertia_kgm2),
+        (person.foot_kg, person.foot_cog_P_m, person.foot_kgm2),
+    ):
+        c = R @ (up + cog)
+        spun = np.einsum("...ij,jk,...lk,...l->...i", R, J, R, w)
+        load = mass_kg * (_derivative(_derivative(c, dt), dt) - _G_I)
+        force += load
+        moment += np.cross(c - origin, load) + _derivative(spun, dt)
+    shank = -push - person.leg_kg * _derivative(_derivative(ankle, dt), dt)
+    shank_moment = np.stack((on_foot[..., 1], np.zeros(shape), on_foot[..., 0]), axis=-1)
+    force -= shank
+    moment -= np.cross(ankle - origin, shank) + np.einsum("...ij,...j->...i", R, shank_moment)
+    into_P = np.swapaxes(R, -1, -2)
+    tare_n = -PLATE.mass_kg * _G_I
+    tare_nm = np.cross(PLATE.cog_m, tare_n)
+    return np.concatenate(
+        ((into_P @ force[..., None])[..., 0] - tare_n, (into_P @ moment[..., None])[..., 0] - tare_nm), axis=-1
+    )
+
+
+def _about(A: FloatArray, mass_kg: float, cog: FloatArray, J: FloatArray) -> FloatArray:
+    """Return a body's moments of inertia (2,) about Z and X through A."""
+    x, y, z = cog - A
+    moments: FloatArray = np.array([J[2, 2] + mass_kg * (x * x + y * y), J[0, 0] + mass_kg * (y * y + z * z)])
+    return moments
+
+
+def _derivative(values: FloatArray, dt: float) -> FloatArray:
+    """Return the time derivative along axis 1 by central differences of eighth order; ends count as at rest."""
+    rate = np.zeros_like(values)
+    for reach, weight in enumerate((4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0), start=1):
+        ahead, behind = values[:, 4 + reach : values.shape[1] - 4 + reach], values[:, 4 - reach : -4 - reach]
+        rate[:, 4:-4] += weight * (ahead - behind)
+    derivative: FloatArray = rate / dt
+    return derivative
+
+
+def _settings(person: Person, slope_deg: float, rng: np.random.Generator) -> TrialSettings:
+    """Return what the laboratory knows: bodies and ankle, each off by its own deviation."""
+    plate = _prior(rng, PLATE.mass_kg, PLATE.cog_m, PLATE.inertia_kgm2, 0.005, 2e-4, 0.01)
+    foot = _prior(rng, person.foot_kg, person.foot_cog_P_m, person.foot_kgm2, 0.05 * person.foot_kg, 4e-3, 0.15)
+    x, y, z = (person.ankle_P_m + 0.002 * rng.standard_normal(3)).tolist()
+    return TrialSettings(
+        manoeuvre=Manoeuvre.STRAIGHT if person.walks else Manoeuvre.STANDING,
+        ground_slope_deg=slope_deg,
+        rate_hz=MOTION_HZ,
+        joint_to_surface_m=_JOINT_TO_SURFACE_M,
+        subject=Subject(code="simulated", mass_kg=round(person.mass_kg, 1)),
+        flat_foot=FlatFoot(100.0 * FLAT_FOOT[0], 100.0 * FLAT_FOOT[1]),
+        ankle=Ankle(in_plate_m=(x, y, z), deviation_m=0.002),
+        plate=plate,
+        foot=foot,
+    )
+
+
+def _prior(
+    rng: np.random.Generator, mass_kg: float, cog_m: FloatArray, J: FloatArray, dm: float, dd: float, share: float
+) -> BodyPrior:
+    """Return a body as it was measured before: mass ± dm, centre of gravity ± dd, tensor ± `share` of its moments."""
+    tensor = J[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
+    deviation = share * np.concatenate((np.diag(J), np.full(3, np.diag(J).min())))
+    return BodyPrior(
+        mass_kg + dm * float(rng.standard_normal()),
+        tuple((cog_m + dd * rng.standard_normal(3)).tolist()),
+        tuple((tensor + deviation * rng.standard_normal(6)).tolist()),
+        dm,
+        (dd, dd, dd),
+        tuple(deviation.tolist()),
+    )
