@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from messages import Reason, Residual, Status
+from messages import Reason, Residual, Status, vec3
 from perception.attitude import AttitudeFilter, AttitudeSettings
 from tests.attitude_reference import ReferenceAttitude
 from tests.hip_motion import GRAVITY_MPS2, Motion, hip_motion, tilt_errors_W, with_mpu6050_noise
@@ -278,6 +278,21 @@ def test_a_clipped_sample_costs_certainty() -> None:
             filter_.update(int(motion.t_ns[i]), tuple(motion.sf_B[i].tolist()), tuple(motion.w_B[i].tolist()), clipped)
         sigmas.append(tilt_sigma_deg(filter_))
     assert sigmas[1] > 3.0 * sigmas[0]
+
+
+@pytest.mark.parametrize("clipped_s", [0.2, 0.5])
+def test_a_long_saturation_is_flagged_throughout_and_recovered_from_as_an_outage(clipped_s: float) -> None:
+    motion = with_mpu6050_noise(hip_motion([(5.0, 25.0)], 20.0, seed=9), seed=9)
+    t_s = 1e-9 * (motion.t_ns - motion.t_ns[0])
+    filter_, reasons = AttitudeFilter(AttitudeSettings(), PERFECT), []
+    for k, t_ns in enumerate(motion.t_ns.tolist()):
+        clipped = bool(12.0 <= t_s[k] < 12.0 + clipped_s)
+        sf_B = np.copysign(39.2, motion.sf_B[k]) if clipped else motion.sf_B[k]
+        filter_.update(t_ns, vec3(sf_B), vec3(motion.w_B[k]), clipped=clipped)
+        reasons.append(filter_.reason)
+    late = (t_s >= 12.06) & (t_s < 12.0 + clipped_s)
+    assert {reasons[k] for k in np.flatnonzero(late)} == {Reason.NO_IMU}
+    assert {reasons[k] for k in np.flatnonzero(t_s > 12.0 + clipped_s + 1.6)} == {Reason.NONE}
 
 
 def test_a_wrong_attitude_believed_to_be_right_heals_at_rest() -> None:

@@ -164,3 +164,27 @@ def test_lost_samples_are_no_contradiction(calibration: Calibration) -> None:
             monitor.see(told, None)
             monitor.judge()
             assert monitor.reason is Reason.NONE
+
+
+def remounted(angle_rad: float) -> Alter:
+    """Return what is seen by a camera that is rolled by `angle_rad` on its mount."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    def alter(told: FeltAt | EgoMotion) -> FeltAt | EgoMotion:
+        if isinstance(told, FeltAt):
+            return told
+        return replace(told, w_C_radps=R @ told.w_C_radps, v_C_mps=R @ told.v_C_mps)
+
+    return alter
+
+
+def test_a_camera_rolled_on_its_mount_is_seen_in_three_seconds_and_named(calibration: Calibration) -> None:
+    words = heard(calibration, WALKING_NS + 3 * S, remounted(np.radians(15.0)))
+    assert words.first_ns(0) < WALKING_NS + 3 * S
+    assert words.verdicts[Subject.MOUNT] is Verdict.INCONSISTENT
+
+
+def test_a_mount_that_is_off_by_a_degree_is_left_alone(calibration: Calibration) -> None:
+    words = heard(calibration, WALKING_NS + 4 * S, remounted(np.radians(1.0)))
+    assert {reason for _, reason in words.reasons} == {Reason.NONE}

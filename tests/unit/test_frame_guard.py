@@ -73,6 +73,11 @@ def test_stamps_that_jump_forward_are_refused_until_they_are_the_rule() -> None:
     assert set(reasons[-4:]) == {Reason.NONE}
 
 
+def test_frames_that_were_late_for_long_and_are_punctual_again_pass() -> None:
+    late = [LATENCY_NS] * 30 + [LATENCY_NS + 80_000_000] * 300 + [LATENCY_NS] * 30
+    assert set(judged(FrameGuard(), late)) == {Reason.NONE}
+
+
 def test_after_a_silence_the_timing_is_learnt_anew() -> None:
     guard = FrameGuard()
     judged(guard, [LATENCY_NS] * 30)

@@ -27,6 +27,7 @@ from messages import (
 )
 from messages.codec import encode_line
 from perception.foothold import FootholdSettings
+from perception.frame_guard import FrameGuard
 from perception.motion_watch import MotionWatch
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
@@ -234,3 +235,16 @@ def test_while_imu_and_camera_contradict_each_other_there_is_no_ground(
     assert all(g.status is Status.INVALID and g.height_m != g.height_m for g in grounds(estimates))
     doubted = {e.reason is reason for e in estimates if isinstance(e, Attitude)}
     assert doubted == {reason is Reason.IMU_INCONSISTENT}
+
+
+@pytest.mark.parametrize(("silence_s", "another"), [(0.8, False), (1.5, True)])
+def test_only_after_a_long_silence_may_it_be_another_camera(
+    wearer: SimulatedWearer, inputs: list[Input], monkeypatch: pytest.MonkeyPatch, silence_s: float, another: bool
+) -> None:
+    forgotten: list[FrameGuard] = []
+    monkeypatch.setattr(FrameGuard, "interrupted", lambda guard: forgotten.append(guard))
+    pipe = pipeline(wearer)
+    run(pipe, inputs[: len(inputs) // 2])
+    last_ns = max(m.header.t_arrival_ns for m in inputs[: len(inputs) // 2] if isinstance(m, StereoFrame))
+    run(pipe, [Tick(t_ns=last_ns + t_ns) for t_ns in range(0, round(1e9 * silence_s), 10_000_000)])
+    assert bool(forgotten) is another
