@@ -37,7 +37,7 @@ OTHER_CAMERA_NS = 1_000_000_000
 
 FRAME_PERIOD_NS = 50_000_000
 
-IMU_SILENCE_NS = 30_000_000
+IMU_SILENCE_NS = 25_000_000
 """When no IMU sample has arrived for this long, attitude and ground are invalid at once, not with the next frame."""
 
 START_NS = 5_000_000_000

@@ -31,12 +31,14 @@ class ConsistencySettings:
     A misfit is a contradiction beyond √(`noise`² + (`share` · swing)²), and agreement below `agreeing` of that: a
     changed sign doubles the swing. An axis of the accelerometer whose motion is small beside the others' is judged by
     its gain, which the change of sign takes from 1 to −1; `most_gain_error` is half way. No agreement follows from less
-    swing than `least_*_swing`, unless the gain is known.
+    swing than `least_*_swing`, unless the gain is known. Once the IMU has turned by `most_unwatched_rad`, to and fro,
+    without a picture, nobody knows what became of it meanwhile.
     """
 
     window_s: float = 1.0
     recent_s: float = 0.3
     least_steps: int = 9
+    most_unwatched_rad: float = 0.4
     longest_lag_s: float = 0.1
     lag_grid_s: float = 0.01
     most_lag_s: float = 0.012
@@ -101,6 +103,8 @@ class ConsistencyMonitor:
         self._questions = {subject: _Question(self.settings.confirmations) for subject in (Subject.TIME, *_OF_IMU)}
         self._agrees_of_late = True
         self._restart_owed = False
+        self._felt_ns: int | None = None
+        self._unwatched_rad: float | None = None  # from the first picture on
 
     @property
     def verdicts(self) -> dict[Subject, Verdict]:
@@ -123,15 +127,22 @@ class ConsistencyMonitor:
     def feel(self, t_ns: int, sf_B_mps2: Vec3, w_B_radps: Vec3) -> None:
         """Take one calibrated sample, later than the one before it; clipped ones are better left out."""
         self._imu.append(t_ns, sf_B_mps2, w_B_radps)
+        if self._unwatched_rad is not None and self._felt_ns is not None:
+            self._unwatched_rad += 1e-9 * (t_ns - self._felt_ns) * math.hypot(*w_B_radps)
+        self._felt_ns = t_ns
 
     def see(self, motion: EgoMotion | None, newest: EgoMotion | None) -> bool:
         """Take what one frame told of the motion, None for nothing: of the step before last, and a guess at the last.
 
-        Judges the turns at once. Returns, as `judge` does, whether the IMU begins to agree again.
+        Judges the turns at once. Returns whether what was estimated from the IMU until now should be forgotten: it
+        begins to agree again, as in `judge`, or it moved unwatched.
         """
         settings = self.settings
+        unwatched = self._unwatched_rad is not None and self._unwatched_rad > settings.most_unwatched_rad
+        self._unwatched_rad = 0.0
         if motion is None or (self._steps and not self._follows(motion)):
             self._steps.clear()
+            self._turns.interrupt()
         restart = False
         if motion is not None:
             self._steps.append(motion)
@@ -147,7 +158,7 @@ class ConsistencyMonitor:
         guess = None if newest is None else self._turn(newest)
         if guess is not None:
             self._turns.guess(guess)
-        return restart
+        return restart or unwatched
 
     def judge(self) -> bool:
         """Bring the verdicts on the last second up to date.

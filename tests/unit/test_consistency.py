@@ -154,6 +154,24 @@ def test_a_contradiction_is_not_forgiven_while_nothing_is_seen(calibration: Cali
     assert monitor.verdicts[Subject.GYRO_X] is Verdict.CONSISTENT
 
 
+@pytest.mark.parametrize(
+    ("gone_from_ns", "gone_s", "restarts"),
+    [(WALKING_NS + S, 2.0, 1), (WALKING_NS + S, 0.2, 0), (START_NS + S // 2, 1.0, 0)],
+    ids=["walking", "walking, briefly", "standing"],
+)
+def test_what_moved_while_no_picture_came_is_forgotten(
+    calibration: Calibration, gone_from_ns: int, gone_s: float, restarts: int
+) -> None:
+    monitor, counted = ConsistencyMonitor(calibration, np.eye(3)), 0
+    for told in arrivals_until(WALKING_NS + 4 * S, 5):
+        if isinstance(told, FeltAt):
+            monitor.feel(told.t_ns, told.sf_B_mps2, told.w_B_radps)
+        elif not gone_from_ns <= told.t_before_ns < gone_from_ns + gone_s * S:
+            counted += monitor.see(told, None) | monitor.judge()
+            assert monitor.reason is Reason.NONE
+    assert counted == restarts
+
+
 def test_lost_samples_are_no_contradiction(calibration: Calibration) -> None:
     monitor = ConsistencyMonitor(calibration, np.eye(3))
     for told in arrivals_until(WALKING_NS + 4 * S, 5):
