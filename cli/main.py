@@ -9,6 +9,7 @@ from cli.calibrate import calibrate
 from cli.check import check
 from cli.demo import demo
 from cli.evaluate import evaluate
+from cli.explain import explain
 from cli.faults import faults
 from cli.platform import platform
 from cli.replay import replay
@@ -29,6 +30,7 @@ app.command()(faults)
 app.add_typer(evaluate, name="evaluate")
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(platform, name="platform")
+app.add_typer(explain, name="explain")
 
 
 def main() -> None:

@@ -1,0 +1,80 @@
+"""`gaiteyes explain court`: hidden effects, drawn by nobody, judged from files alone."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from sim_rig.court.score import SystemScore
+
+
+def court(
+    systems: Annotated[str, typer.Option(help="Which systems, with commas.")] = "platform,imu,wearable",
+    cases: Annotated[
+        int | None, typer.Option(min=1, help="Cases of each system, else 120 or more: four of every effect.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the results; what is there already is not run again.")] = Path(
+        "court"
+    ),
+    workers: Annotated[int, typer.Option(min=1, help="Processes on this machine.")] = 2,
+    scheduler: Annotated[
+        str | None, typer.Option(help="A dask scheduler's address: its workers in place of this machine's.")
+    ] = None,
+    development: Annotated[
+        bool, typer.Option("--development", help="Take the recorded seeds that development may look at.")
+    ] = False,
+    json: Annotated[Path | None, typer.Option("--json", help="Write the figures for a program.")] = None,
+) -> None:
+    """Judge the finder on hidden effects: seeds come from the system's entropy and are told only afterwards."""
+    from cli.console import check_writable, console, write_json
+    from messages.errors import UserError
+    from sim_rig.court.plan import SYSTEMS, hidden_system, slots
+    from sim_rig.court.result import Result
+    from sim_rig.court.run import check_same_court, executor, results, run
+    from sim_rig.court.score import score
+    from sim_rig.court.tables import markdown
+
+    check_writable(json)
+    chosen = [name.strip() for name in systems.split(",")]
+    for name in chosen:
+        if name not in SYSTEMS:
+            raise UserError(f"--systems {name}: no such system; expected {', '.join(SYSTEMS)}")
+    asked = {name: slots(name, hidden_system(name), cases) for name in chosen}
+    every = [slot for of_system in asked.values() for slot in of_system]
+    check_same_court(every, out, development=development)
+    done = sum((out / slot.file_name).exists() for slot in every)
+    console.print(f"{len(every)} cases, {done} of them judged before; results in {out}", highlight=False)
+
+    def tell(result: Result) -> None:
+        nonlocal done
+        done += 1
+        console.print(f"{done:4d}/{len(every)}  {result.line}", highlight=False, markup=False, soft_wrap=True)
+
+    with executor(workers, scheduler) as pool:
+        run(every, out, pool, development=development, tell=tell)
+    found = {name: results(of_system, out) for name, of_system in asked.items()}
+    scores = [score(name, found[name], hidden_system(name).SIZES) for name in chosen]
+    seeds = {name: [result.truth.seed for result in found[name]] for name in chosen}
+    _print(scores)
+    (out / "court.md").write_text(markdown(scores, seeds), encoding="utf-8")
+    write_json(out / "court.json", {"scores": scores, "seeds": seeds})
+    if json is not None:
+        write_json(json, {"scores": scores, "seeds": seeds})
+
+
+def _print(scores: "list[SystemScore]") -> None:
+    from cli.console import table
+    from sim_rig.court.tables import (
+        CONFUSION_COLUMNS,
+        SMALLEST_COLUMNS,
+        confusion_rows,
+        rate_columns,
+        rate_rows,
+        smallest_rows,
+    )
+
+    table("Court", rate_columns(scores), rate_rows(scores))
+    for score in scores:
+        table(f"{score.system}: smallest size found", SMALLEST_COLUMNS, smallest_rows(score))
+        table(f"{score.system}: confusion", CONFUSION_COLUMNS, confusion_rows(score), words=True)

@@ -1,0 +1,69 @@
+"""What might follow from the inputs in a way nobody thought of: a bank of plain functions of inputs and predictions.
+
+Five groups, each judged by itself, so that a few telling functions are not drowned by many others: the inputs and their
+neighbourhood in time, their products, their odd and even distortions, distortions of the predicted outputs, and time.
+"""
+
+import numpy as np
+
+from discrepancy.simulation import FloatArray
+
+_MOST_INPUTS = 12
+_MOST_MULTIPLIED = 8
+_CORRELATED = 0.7
+
+
+def features(inputs: FloatArray, predicted: FloatArray) -> dict[str, FloatArray]:
+    """Return the groups (f, n) of functions of `inputs` (k, n) and `predicted` outputs (c, n), each of unit power."""
+    u = _principal(_standard(inputs), _MOST_INPUTS)
+    y = _principal(_standard(predicted), _MOST_INPUTS)
+    n = predicted.shape[1]
+    tau = np.linspace(-1.0, 1.0, n)
+    groups = {"time": [tau, tau**2 - 1.0 / 3.0, *(y * tau)]}
+    if len(u):
+        lag = _lag(u)
+        shifts = [np.roll(u, k * lag, axis=1) for k in (-4, -1, 1, 4)]
+        rate = np.gradient(u, axis=1)
+        few = _principal(u, _MOST_MULTIPLIED)
+        rows, columns = np.triu_indices(len(few))
+        groups |= {
+            "lags": [*u, *rate, *np.gradient(rate, axis=1), *np.concatenate(shifts)],
+            "products": [*(few[rows] * few[columns])],
+            "distortions": [*np.sign(rate), *np.abs(u), *(u**3), *np.sign(u)],
+        }
+    if len(y):
+        high = np.quantile(np.abs(y), 0.9, axis=1)[:, None]
+        slope = np.gradient(y, axis=1)
+        groups["outputs"] = [*y, *(y**2), *(y**3), *(y - np.clip(y, -high, high)), *slope, *np.sign(slope)]
+    return {name: _standard(np.array(rows_)) for name, rows_ in groups.items()}
+
+
+def _standard(values: FloatArray) -> FloatArray:
+    """Return the rows (k, n) that vary, without gaps, mean 0 and power 1."""
+    kept = []
+    for row in values:
+        there = np.isfinite(row)
+        if there.sum() < 2:
+            continue
+        filled = row if there.all() else np.interp(np.arange(len(row)), np.flatnonzero(there), row[there])
+        spread = float(np.std(filled))
+        if spread > 1e-12 * (1e-300 + float(np.max(np.abs(filled)))):
+            kept.append((filled - np.mean(filled)) / spread)
+    return np.array(kept).reshape(len(kept), values.shape[-1])
+
+
+def _principal(u: FloatArray, most: int) -> FloatArray:
+    """Return `u` (k, n), or its `most` strongest principal components where it has more rows."""
+    if len(u) <= most:
+        return u
+    _, vectors = np.linalg.eigh(u @ u.T)
+    return _standard(vectors[:, ::-1][:, :most].T @ u)
+
+
+def _lag(u: FloatArray) -> int:
+    """Return the samples after which the inputs' autocorrelation has fallen to 0.7, the median over inputs."""
+    n = u.shape[1]
+    power = np.abs(np.fft.rfft(u, 2 * n, axis=1)) ** 2
+    correlation = np.fft.irfft(power, axis=1)[:, : max(n // 8, 2)] / n
+    falls = [int(np.argmax(row < _CORRELATED)) or len(row) - 1 for row in correlation]
+    return max(int(np.median(falls)), 1)

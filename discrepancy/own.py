@@ -1,0 +1,29 @@
+"""Anybody's simulation: what was measured, a function that predicts it, and the effects that may be missing in it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from discrepancy.simulation import Channels, Effect, FloatArray, Parameter, Values
+
+
+@dataclass(frozen=True)
+class OwnSimulation:
+    """A `Simulation` made of a function: `model(values)` returns what should have been measured, (n, c).
+
+    `values` holds the parameters that differ from neutral, those of an effect as `effect.parameter`.
+    """
+
+    system: str
+    channels: Channels
+    model: Callable[[Values], FloatArray]
+    effects: tuple[Effect, ...]
+    parameters: tuple[Parameter, ...] = ()
+
+    def predicted(self, values: Values) -> FloatArray:
+        """Return what should have been measured, (n, c); raises ValueError if the function returns another shape."""
+        found = np.asarray(self.model(values), dtype=np.float64)
+        if found.shape != self.channels.values.shape:
+            raise ValueError(f"{self.system}: the model returned {found.shape}; expected {self.channels.values.shape}")
+        return found

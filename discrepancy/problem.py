@@ -1,0 +1,166 @@
+"""One recording as the finder sees it: residuals by channel, what is missing filled by one linear rule, calls counted.
+
+Arrays are (c, n), time last, so that transforms run along contiguous memory. A missing sample of a residual or of a
+column is the line between its neighbours: the same linear map for all, so that columns remain derivatives of residuals.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discrepancy.simulation import Channels, Effect, FloatArray, Parameter, Simulation, Values
+from messages.errors import UserError
+
+BoolArray = NDArray[np.bool_]
+ComplexArray = NDArray[np.complex128]
+LEAST_SAMPLES = 200
+_EDGE_SHARE = 0.005
+"""Of the record at either end: filters and shifts in a simulation have no past or future there."""
+
+
+class Problem:
+    """Residuals of one simulation against its recording.
+
+    Raises UserError where fewer than 200 samples of any channel can be compared.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.simulation = simulation
+        self.channels: Channels = simulation.channels
+        self.rate_hz = self.channels.rate_hz
+        self.parameters: dict[str, Parameter] = {p.name: p for p in simulation.parameters}
+        self.base = tuple(self.parameters)
+        self.effects: dict[str, Effect] = {effect.name: effect for effect in simulation.effects}
+        for effect in simulation.effects:
+            self.parameters |= {effect.qualified(p.name): p for p in effect.parameters}
+        self._measured = np.ascontiguousarray(self.channels.values.T)
+        neutral = np.ascontiguousarray(simulation.predicted({}).T)
+        self.c, self.n = self._measured.shape
+        inside = np.zeros(self.n, bool)
+        edge = max(round(_EDGE_SHARE * self.n), 2)
+        inside[edge : self.n - edge] = True
+        self._accept(np.isfinite(self._measured) & np.isfinite(neutral) & inside)
+        few = [name for name, kept in zip(self.channels.names, self.valid.sum(axis=1), strict=True) if 0 < kept < 50]
+        if few or int(self.valid.sum()) < LEAST_SAMPLES:
+            raise UserError(
+                f"recording: {', '.join(few) or 'all channels'}: too few samples that can be compared, at least "
+                f"{LEAST_SAMPLES} are needed"
+            )
+
+    def start(self) -> dict[str, float]:
+        """Return the base model's parameters where its fit begins."""
+        return {name: self.parameters[name].neutral for name in self.base}
+
+    def residual(self, values: Values) -> FloatArray:
+        """Return measured minus predicted, (c, n), filled where missing."""
+        return self.difference(self.predicted(values))
+
+    def difference(self, predicted: FloatArray) -> FloatArray:
+        """Return measured minus `predicted` (c, n), filled where missing; a prediction missing elsewhere counts as
+        right.
+        """
+        residual = self._measured - predicted
+        return self.filled(np.where(np.isfinite(residual), residual, 0.0))
+
+    def predicted(self, values: Values) -> FloatArray:
+        """Return what should have been measured, (c, n)."""
+        return np.ascontiguousarray(self.simulation.predicted(values).T)
+
+    def column(self, values: Values, before: FloatArray, key: str) -> tuple[FloatArray, float]:
+        """Return how the prediction changes with a parameter by one `scale`, (c, n), and the step taken in scales.
+
+        `before` is the prediction at `values`. The step is away from the nearer bound.
+        """
+        parameter = self.parameters[key]
+        value = values.get(key, parameter.neutral)
+        step = 1.0 if value + parameter.scale <= parameter.high else -1.0
+        after = self.predicted({**values, key: value + step * parameter.scale})
+        change = (after - before) / step
+        return self.filled(np.where(np.isfinite(change), change, 0.0)), step
+
+    def filled(self, values: FloatArray) -> FloatArray:
+        """Return `values` (c, n) with what is missing on the line between its neighbours."""
+        if self._whole:
+            return values
+        flat = values.reshape(-1)
+        flat[self._gap] = self._from_left * flat[self._left] + self._from_right * flat[self._right]
+        return values
+
+    def narrow(self, finite: BoolArray) -> None:
+        """Take samples (c, n) out that some prediction could not give."""
+        if not np.all(finite | ~self.valid):
+            self._accept(self.valid & finite)
+
+    def key_bounds(self, key: str) -> tuple[float, float]:
+        """Return the bounds of a parameter."""
+        return self.parameters[key].low, self.parameters[key].high
+
+    def shifted(self, values: Values, keys: Iterable[str], steps: FloatArray) -> dict[str, float]:
+        """Return `values` moved by `steps` scales along `keys`, kept within the bounds."""
+        moved = dict(values)
+        for key, step in zip(keys, steps, strict=True):
+            p = self.parameters[key]
+            moved[key] = float(np.clip(moved.get(key, p.neutral) + step * p.scale, p.low, p.high))
+        return moved
+
+    def _accept(self, valid: BoolArray) -> None:
+        self.valid = valid
+        self._whole = bool(valid.all())
+        gap, left, right, weight = [], [], [], []
+        for row, present in enumerate(valid):
+            at, there = np.flatnonzero(~present), np.flatnonzero(present)
+            if len(at) and len(there):
+                after = np.searchsorted(there, at)
+                lower = there[np.maximum(after - 1, 0)]
+                upper = there[np.minimum(after, len(there) - 1)]
+                gap.append(row * self.n + at)
+                left.append(row * self.n + lower)
+                right.append(row * self.n + upper)
+                weight.append((at - lower) / np.maximum(upper - lower, 1))
+        self._gap, self._left, self._right = (
+            np.concatenate(each).astype(np.intp) if each else np.zeros(0, np.intp) for each in (gap, left, right)
+        )
+        self._from_right = np.clip(np.concatenate(weight), 0.0, 1.0) if weight else np.zeros(0)
+        self._from_left = 1.0 - self._from_right
+
+
+class Part:
+    """A stretch of another simulation's recording: samples `first` up to `last`."""
+
+    def __init__(self, whole: Simulation, first: int, last: int) -> None:
+        self._whole = whole
+        self._here = slice(first, last)
+        all_ = whole.channels
+        self._channels = Channels(
+            all_.t_s[self._here],
+            all_.values[self._here],
+            all_.names,
+            all_.inputs[self._here],
+            all_.input_names,
+            all_.noise_std,
+        )
+
+    @property
+    def system(self) -> str:
+        """Return the system's name."""
+        return self._whole.system
+
+    @property
+    def channels(self) -> Channels:
+        """Return what was measured in the stretch."""
+        return self._channels
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the base model's own parameters."""
+        return self._whole.parameters
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Return the library."""
+        return self._whole.effects
+
+    def predicted(self, values: Values) -> FloatArray:
+        """Return what should have been measured in the stretch."""
+        return self._whole.predicted(values)[self._here]

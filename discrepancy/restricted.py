@@ -1,0 +1,52 @@
+"""A simulation with a part of its library: what a researcher leaves out cannot be named."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from discrepancy.simulation import Channels, Effect, FloatArray, Parameter, Simulation, Values
+from messages.errors import UserError
+
+
+@dataclass(frozen=True)
+class Restricted:
+    """A simulation whose effects are those of `whole` but for the names in `left_out`."""
+
+    whole: Simulation
+    left_out: frozenset[str]
+
+    @property
+    def system(self) -> str:
+        """Return the system's name."""
+        return self.whole.system
+
+    @property
+    def channels(self) -> Channels:
+        """Return what was measured."""
+        return self.whole.channels
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the base model's own parameters."""
+        return self.whole.parameters
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Return what is left of the library."""
+        return tuple(effect for effect in self.whole.effects if effect.name not in self.left_out)
+
+    def predicted(self, values: Values) -> FloatArray:
+        """Return what should have been measured."""
+        return self.whole.predicted(values)
+
+
+def without(simulation: Simulation, names: Collection[str]) -> Simulation:
+    """Return `simulation` without the effects `names`, itself if there are none."""
+    return Restricted(simulation, frozenset(names)) if names else simulation
+
+
+def check_names(option: str, names: Collection[str], simulation: Simulation) -> None:
+    """Raise UserError, naming `option`, if one of `names` is no effect of the simulation."""
+    known = [effect.name for effect in simulation.effects]
+    for name in names:
+        if name not in known:
+            raise UserError(f"{option} {name}: not in the library of {simulation.system}; expected {', '.join(known)}")

@@ -1,0 +1,90 @@
+"""How numbers are shown to a person: in the unit that reads best, with the digits that its interval justifies."""
+
+import math
+
+from discrepancy.verdict import Cause, Quantity, Verdict
+
+_READ_AS = {
+    "s": (1e3, "ms"),
+    "m": (1e3, "mm"),
+    "rad": (180.0 / math.pi, "°"),
+    "rad/s": (180.0 / math.pi, "°/s"),
+    "1": (1.0, ""),
+}
+_SMALL = 1.0  # above it, seconds and metres are read as they are
+_SMALL_SHARE = 0.1
+_UNIT_SUFFIXES = frozenset(
+    ["s", "m", "mm", "rad", "radps", "radps2", "mps", "mps2", "n", "ns", "nm", "kg", "kgm", "kgm2", "hz", "px", "degc"]
+)
+_MOST_DECIMALS = 6
+_WHOLE = 100.0
+NOT_TOLD = "–"
+
+
+def headline(verdict: Verdict) -> str:
+    """Return the verdict in a sentence."""
+    if verdict.verdict == "nothing":
+        return "Nothing: within the noise, the simulation explains the recording."
+    if verdict.verdict == "unknown":
+        return "Something is missing that no cause in the library explains."
+    tail = " Something more remains." if verdict.remainder.present else ""
+    return f"It leaves out {listed([_or_equivalents(cause) for cause in verdict.causes])}.{tail}"
+
+
+def quantity_text(quantity: Quantity) -> tuple[str, str, str]:
+    """Return value, interval and unit as text: ("2.10", "2.05 to 2.15", "ms")."""
+    factor, unit = _READ_AS.get(quantity.unit, (1.0, quantity.unit))
+    if quantity.unit in ("s", "m") and quantity.value is not None and abs(quantity.value) >= _SMALL:
+        factor, unit = 1.0, quantity.unit
+    numbers = [None if n is None else factor * n for n in (quantity.value, quantity.low, quantity.high)]
+    value, low, high = numbers
+    half = 0.5 * (high - low) if low is not None and high is not None else None
+    interval = NOT_TOLD if half is None else f"{number_text(low, half)} to {number_text(high, half)}"
+    return number_text(value, half), interval, unit
+
+
+def number_text(value: float | None, half: float | None = None) -> str:
+    """Return `value` with two digits of its interval's `half`, or four digits without; a dash for nothing."""
+    if value is None or not math.isfinite(value):
+        return NOT_TOLD
+    if half is None or not 0.0 < half < math.inf:
+        return f"{value:.4g}"
+    digits = 1 - math.floor(math.log10(half))
+    if digits > _MOST_DECIMALS:
+        lead = math.floor(math.log10(abs(value))) if value else -digits
+        return f"{value:.{max(0, lead + digits)}e}".replace("-", "−")
+    return f"{round(value, digits):.{max(0, digits)}f}".replace("-", "−")
+
+
+def chi2_text(chi2: float | None) -> str:
+    """Return a rise of χ², whole where it is large, with narrow spaces between thousands."""
+    if chi2 is None or not math.isfinite(chi2):
+        return NOT_TOLD
+    return f"{chi2:,.{0 if abs(chi2) >= _WHOLE else 1}f}".replace(",", "\u202f").replace("-", "−")
+
+
+def words(name: str) -> str:
+    """Return a library name as words."""
+    return name.replace("_", " ")
+
+
+def parameter_words(name: str) -> str:
+    """Return a parameter's name as words without its unit, which is shown beside its value."""
+    stem, _, suffix = name.rpartition("_")
+    return words(stem if stem and suffix in _UNIT_SUFFIXES else name)
+
+
+def share_text(share: float | None) -> str:
+    """Return a share as percents, with a decimal where it is small."""
+    if share is None or not math.isfinite(share):
+        return NOT_TOLD
+    return f"{100.0 * share:.{1 if abs(share) < _SMALL_SHARE else 0}f} %".replace("-", "−")
+
+
+def listed(items: list[str], last: str = "and") -> str:
+    """Return "a", "a and b" or "a, b and c"."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}"
+
+
+def _or_equivalents(cause: Cause) -> str:
+    return listed([words(cause.name), *map(words, cause.equivalents)], "or")

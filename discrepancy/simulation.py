@@ -1,0 +1,107 @@
+"""What a system must offer so that its simulation can be held against measured data. Knows no system by name.
+
+A simulation is bound to one recording: it holds the inputs and what was measured, and predicts the latter from
+parameters. Its effects are named physical causes, each an extension of the model whose neutral values are exactly the
+base model.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+Values = Mapping[str, float]
+"""Parameters by name: one of the base model by its own, one of an effect as `effect.parameter`. What is missing has its
+neutral value."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of the base model or of an effect.
+
+    `neutral` is the value without the effect, or where the base fit starts; infinite where only that is neutral, as for
+    a resonance. `scale` is a change that matters physically: steps of differentiation and tests of being zero go by it.
+    """
+
+    name: str
+    unit: str
+    neutral: float
+    low: float
+    high: float
+    scale: float
+
+    def __post_init__(self) -> None:
+        if not (self.low < self.high and self.scale > 0.0 and math.isfinite(self.scale)):
+            raise ValueError(f"{self.name}: low < high and 0 < scale < ∞ are needed")
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A physical cause that the base model leaves out.
+
+    `choices` are the sets of its parameters that are tried, the simplest first; empty means all together. A further
+    choice of an effect that is in already may join it later. `starts` are where a fit begins, and where the effect is
+    judged before it, if its neutral values tell no direction (a resonance, a threshold); empty means at neutral.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    explanation: str  # the cause, in a sentence to a person
+    remedy: str  # what to do about it
+    experiment: str  # what tells it from its look-alikes
+    choices: tuple[tuple[str, ...], ...] = ()
+    starts: tuple[Values, ...] = ()  # by the parameters' own names
+
+    def qualified(self, parameter: str) -> str:
+        """Return the key of one of its parameters in `Values`."""
+        return f"{self.name}.{parameter}"
+
+
+@dataclass(frozen=True)
+class Channels:
+    """What was measured: `values` (n, c) at the uniform times `t_s` (n,), NaN where it is missing.
+
+    `inputs` (n, k) is whatever drives the system, brought to the same times: residuals are searched for what follows
+    from it. `names` and `input_names` carry units as suffixes.
+    """
+
+    t_s: FloatArray
+    values: FloatArray
+    names: tuple[str, ...]
+    inputs: FloatArray
+    input_names: tuple[str, ...]
+    noise_std: FloatArray | None = field(default=None)
+    """(c,) standard deviation of one sample of measured minus predicted under the right model, where it is known."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Return the samples per second."""
+        return (len(self.t_s) - 1) / float(self.t_s[-1] - self.t_s[0])
+
+
+class Simulation(Protocol):
+    """A simulation bound to one recording. `predicted` is pure: equal values give equal bytes."""
+
+    @property
+    def system(self) -> str:
+        """Return the system's name."""
+
+    @property
+    def channels(self) -> Channels:
+        """Return what was measured."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the base model's own parameters, which are fitted in any case; may be empty."""
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Return the library of what may be missing."""
+
+    def predicted(self, values: Values) -> FloatArray:
+        """Return what should have been measured, (n, c); NaN where inputs are missing."""

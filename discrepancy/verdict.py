@@ -1,0 +1,93 @@
+"""What is told of a discrepancy: exactly the fields of verdict.json. A number that does not apply is null, never
+NaN.
+"""
+
+import math
+from typing import Literal
+
+import msgspec
+
+MOST_EQUIVALENTS = 3
+
+
+class Quantity(msgspec.Struct, frozen=True):
+    """A parameter with its 95 % interval."""
+
+    value: float | None
+    low: float | None
+    high: float | None
+    unit: str
+
+
+class Cause(msgspec.Struct, frozen=True):
+    """A named cause: `name` is one of the library, `evidence` what speaks for it, `equivalents` what says the same.
+
+    `evidence` holds `chi2` (what χ² rises without the cause, all else refitted), `parameters` (how many), `threshold`
+    (what chance reaches once in a hundred, over all candidates), `chance` (its probability under the bootstrap) and
+    `rival_chi2` (how much worse the best rival that is no equivalent fits), and for each equivalent `worse_by.<name>`
+    (how much worse it fits in the cause's place).
+    """
+
+    name: str
+    parameters: dict[str, Quantity]
+    evidence: dict[str, float | None]
+    equivalents: list[str]
+
+
+class Signature(msgspec.Struct, frozen=True):
+    """Where a remainder is: channels, frequencies, and the times if it is confined to some."""
+
+    channels: list[str]
+    band_hz: tuple[float | None, float | None]
+    when_s: tuple[float, float] | None
+
+
+class Remainder(msgspec.Struct, frozen=True):
+    """Whether the extended model still fails; `share` of what the base model misses beyond noise is left."""
+
+    present: bool
+    share: float | None
+    signature: Signature
+
+
+class Gain(msgspec.Struct, frozen=True):
+    """Held-out NRMSE with frozen parameters: the RMS over channels, each divided by its measured standard deviation."""
+
+    held_out_nrmse_before: float | None
+    held_out_nrmse_after: float | None
+    noise_floor_nrmse: float | None
+    share_of_excess_removed: float | None
+
+
+class Verdict(msgspec.Struct, frozen=True):
+    """The whole verdict, strongest cause first."""
+
+    system: str
+    verdict: Literal["named", "nothing", "unknown"]
+    causes: list[Cause]
+    remainder: Remainder
+    gain: Gain
+    parameters_before: dict[str, Quantity]
+    parameters_after: dict[str, Quantity]
+    next_experiment: str | None
+
+
+def number(value: float) -> float | None:
+    """Return `value`, None in place of what is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+def quantity(value: float, deviation: float, unit: str, interval: tuple[float, float] | None = None) -> Quantity:
+    """Return a quantity with `interval`, or with ± 1.96 deviations; what is not finite becomes null."""
+    low, high = interval if interval is not None else (value - 1.96 * deviation, value + 1.96 * deviation)
+    return Quantity(number(value), number(low), number(high), unit)
+
+
+def to_json(verdict: Verdict) -> bytes:
+    """Return verdict.json, indented, fields in the order of the structs."""
+    return msgspec.json.format(msgspec.json.encode(verdict), indent=2) + b"\n"
+
+
+def from_json(data: bytes | str) -> Verdict:
+    """Return the verdict that `data` holds; raises msgspec.ValidationError, naming the field, where it does not fit."""
+    return msgspec.json.decode(data, type=Verdict)

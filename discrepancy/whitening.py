@@ -1,0 +1,142 @@
+"""Noise of unknown level and colour, made white: a filter for each channel, then one mixing of the channels.
+
+The filter predicts a residual from its own past,
+
+    e_t = r_t − Σ_i a_i r_{t−i} − Σ_j b_j mean(r over the lags of band j)                                           (1)
+
+with single lags where colour is fine, and bands of lags twice as long each beyond (a heterogeneous autoregression,
+Corsi 2009), so that slow drift of the 1/f kind is met with two dozen numbers. The channels' innovations are then
+mixed by the inverse Cholesky factor of their covariance. After that the likelihood of a model is that of independent
+unit noise.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+from scipy.ndimage import binary_dilation
+
+from discrepancy.problem import BoolArray, ComplexArray
+from discrepancy.simulation import FloatArray
+
+_MOST_LAGS = 32
+_LOADING = 1e-5
+"""Of a residual's power: white noise assumed below it, so that bands without any noise cannot outweigh all."""
+_RUN_IN = 8
+_MIXED_SHARE = 0.9
+_MOST_MIXED = 16
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """Filters and mixing for a recording of n samples and c channels.
+
+    `kernels` (c, l) are the filters, 1 first, `response` (c, k) their frequency response on the padded transform,
+    `reach` their longest lag, `mix` (c, c) turns innovations into unit noise, `kept` (c, n) tells which whitened
+    samples count, `log_det` is the logarithm of the noise's determinant per sample, summed over what counts: −2 log
+    likelihood = `log_det` + ‖whitened‖².
+    """
+
+    kernels: FloatArray
+    response: ComplexArray
+    reach: int
+    mix: FloatArray
+    kept: BoolArray
+    log_det: float
+
+    @property
+    def count(self) -> int:
+        """Return how many whitened samples count."""
+        return int(self.kept.sum())
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """Return `values` (..., c, n) whitened, zero where they do not count."""
+        white: FloatArray = np.matmul(self.mix, _filtered(values, self.response, self.reach))
+        white *= self.kept
+        return white
+
+    def noise_density(self, f_hz: FloatArray, rate_hz: float) -> FloatArray:
+        """Return the one-sided power density (k, c) of the noise at `f_hz`, unit² / Hz."""
+        grid = np.linspace(0.0, 0.5 * rate_hz, self.response.shape[1])
+        innovation = np.diag(np.linalg.inv(self.mix) @ np.linalg.inv(self.mix).T)
+        density = 2.0 / rate_hz * innovation[:, None] / np.maximum(np.abs(self.response) ** 2, 1e-300)
+        return np.column_stack([np.interp(f_hz, grid, row) for row in density])
+
+
+def whitening(residual: FloatArray, valid: BoolArray) -> Whitening:
+    """Return the whitening under which `residual` (c, n), filled where not `valid`, is unit noise."""
+    c, n = residual.shape
+    bands = _bands(n)
+    reach = bands[-1][1]
+    padded = fft.next_fast_len((n + reach + 1) // 2, real=True) * 2
+    kept = valid & ~_after_gap(valid)
+    kernels = np.zeros((c, reach + 1))
+    for row in range(c):
+        if kept[row].any():
+            kernels[row] = _kernel(residual[row], kept[row], bands)
+    response = fft.rfft(kernels, padded, axis=1)
+    innovations = _filtered(residual, response, reach)
+    together = kept.all(axis=0)
+    if c <= _MOST_MIXED and together.sum() >= _MIXED_SHARE * kept.sum(axis=1).max():
+        kept = np.broadcast_to(together, kept.shape).copy()
+        counted = innovations[:, together]
+        covariance = counted @ counted.T / counted.shape[1]
+        covariance[np.diag_indices(c)] *= 1.0 + 1e-9
+        covariance[np.diag_indices(c)] += np.finfo(float).tiny
+        lower = np.linalg.cholesky(covariance)
+        mix = np.linalg.inv(lower)
+    else:
+        power = (innovations**2 * kept).sum(axis=1) / np.maximum(kept.sum(axis=1), 1)
+        mix = np.diag(1.0 / np.sqrt(np.where(power > 0.0, power, 1.0)))
+    log_det = -2.0 * float(np.log(np.diag(mix)) @ kept.sum(axis=1))
+    return Whitening(kernels, response, reach, mix, kept, log_det)
+
+
+def _filtered(values: FloatArray, response: ComplexArray, reach: int) -> FloatArray:
+    """Return `values` (..., c, n) through the filters; before its beginning a record is taken for its own mirror image.
+
+    The transform's wrap reaches into the mirror image only.
+    """
+    padded = 2 * (response.shape[1] - 1)
+    spectrum = fft.rfft(np.concatenate((values[..., reach:0:-1], values), axis=-1), padded, axis=-1)
+    spectrum *= response
+    out: FloatArray = fft.irfft(spectrum, padded, axis=-1)[..., reach : reach + values.shape[-1]]
+    return out
+
+
+def _bands(n: int) -> list[tuple[int, int]]:
+    """Return first and last lag of each regressor of (1)."""
+    single = int(np.clip(n // 60, 2, _MOST_LAGS))
+    bands = [(lag, lag) for lag in range(1, single + 1)]
+    while 2 * bands[-1][1] <= n // 12:
+        first = bands[-1][1] + 1
+        bands.append((first, 2 * (first - 1)))
+    return bands
+
+
+def _after_gap(valid: BoolArray) -> BoolArray:
+    """Return the samples (c, n) that follow a gap, or the beginning, too soon for the filter."""
+    missing = np.concatenate((np.ones((len(valid), 1), bool), ~valid), axis=1)
+    reach = np.zeros((1, 2 * _RUN_IN + 1), bool)
+    reach[:, _RUN_IN:] = True
+    soon: BoolArray = binary_dilation(missing, structure=reach)[:, 1:]
+    return soon
+
+
+def _kernel(r: FloatArray, kept: BoolArray, bands: list[tuple[int, int]]) -> FloatArray:
+    """Return the filter of (1) for one channel (n,): 1, then minus the weight of every lag."""
+    n, longest = len(r), bands[-1][1]
+    total = np.concatenate(([0.0], np.cumsum(np.concatenate((r[longest:0:-1], r)))))
+    at = np.arange(n) + longest
+    past = np.empty((len(bands), n))
+    for row, (first, last) in enumerate(bands):
+        past[row] = (total[at - first + 1] - total[at - last]) / (last - first + 1)
+    use = past[:, kept]
+    gram = use @ use.T
+    gram[np.diag_indices(len(bands))] += _LOADING * float(r[kept] @ r[kept]) + np.finfo(float).tiny
+    weight = np.linalg.solve(gram, use @ r[kept])
+    kernel = np.zeros(longest + 1)
+    kernel[0] = 1.0
+    for value, (first, last) in zip(weight, bands, strict=True):
+        kernel[first : last + 1] = -value / (last - first + 1)
+    return kernel

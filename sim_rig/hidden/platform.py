@@ -1,0 +1,310 @@
+"""Recordings of the vibrating platform in which something is hidden: in MuJoCo's mechanics, or in its instruments.
+
+Straps, dampers and friction above the sensor are added to what it feels: the actuators' torque that makes the same
+motion beside them is another, which nobody measures.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from impedance.body.rigid_body import Array
+from impedance.recording.recording import (
+    FootSettings,
+    NoiseSettings,
+    PlateSettings,
+    PlatformRecording,
+    PlatformSettings,
+    Poses,
+    RateSettings,
+    TareSettings,
+)
+from sim_rig.hidden.case import Case, TrueCause, Truth
+from sim_rig.hidden.platform_drawn import (
+    EFFECTS,
+    NEEDS_FOOT,
+    NEEDS_KNOWN_PLATE,
+    OUTSIDE,
+    SIZES,
+    Hidden,
+    drawn,
+)
+from sim_rig.hidden.platform_instruments import followed, lagging, rubbed, sampled, smoothed, warped
+from sim_rig.hidden.platform_mechanics import RATE_HZ, Fine, Mechanics, Torques, ran
+from sim_rig.hidden.platform_noise import PlateNoise
+from sim_rig.hidden.platform_outside import at_markers, at_sensor
+from sim_rig.hidden.platform_scene import SPAN_NM, Scene, scene, stepped, tones
+
+__all__ = ["EFFECTS", "LOOK_ALIKES", "OUTSIDE", "PAIRS", "SIZES", "write"]
+
+DURATION_S: Final = 20.0
+HELD_OUT_S: Final = 12.0
+PAIRS: Final = (
+    ("force_delay", "force_gain"),
+    ("force_delay", "crosstalk"),
+    ("force_delay", "plate_rotation"),
+    ("force_lag", "force_gain"),
+    ("force_lag", "tare_error"),
+    ("motion_smoothing", "crosstalk"),
+    ("reference_height", "force_delay"),
+    ("coulomb_friction", "force_delay"),
+    ("parallel_damping", "crosstalk"),
+    ("clock_drift", "force_gain"),
+    ("plate_rotation", "tare_error"),
+    ("position_scale", "force_delay"),
+    ("saturation", "force_delay"),
+    ("backlash", "force_delay"),
+    ("dropped_samples", "force_gain"),
+)
+"""None of them changes the motion, so that what either does can be told apart."""
+LOOK_ALIKES: Final = (
+    (
+        "force_gain",
+        "crosstalk",
+        "reference_height",
+        "parallel_spring",
+        "plate_rotation",
+        "tare_error",
+        "hidden_mass",
+    ),
+    ("force_delay", "force_lag", "clock_drift"),
+    ("parallel_damping", "coulomb_friction"),
+    ("joint_offset", "position_scale", "foot_marker_offset"),
+)
+"""Classes within which one effect takes most of another's χ² (`python -m benchmarks.platform_look_alikes`).
+
+Forces and moments of a rigid body on a joint follow from two angles: whatever mixes constant shares of them looks like
+other shares, and a share of the foot's weight like a constant. On the bare plate a scale of positions is an offset of
+the joint's height to 1e-6.
+"""
+
+
+@dataclass(frozen=True)
+class _Reference:
+    """What the fit recording tells of each channel, noise-free: standard deviation and largest value (6,)."""
+
+    deviation: Array
+    largest: Array
+
+    @property
+    def scale(self) -> Array:
+        """Return how large (6,) a channel is: its deviation, or a quarter of its largest value under a weight."""
+        return np.maximum(self.deviation, 0.25 * self.largest)
+
+
+def write(case: Case, folder: Path, held_out: Path) -> Truth:
+    """Write both recordings of a case, and return its truth; everything is drawn from `case` alone."""
+    draws = case.stream("effects")
+    fields, told, sizes = [], [], []
+    for effect in case.effects:
+        sizes.append(SIZES[effect].drawn(draws))
+        changed, parameters = drawn(effect, sizes[-1], draws)
+        fields.append(changed)
+        told.append(parameters)
+    hidden = _together(fields)
+    alone = any(effect in NEEDS_KNOWN_PLATE for effect in case.effects)
+    unit = scene(
+        case.stream("scene"),
+        with_foot=False if alone else True if any(effect in NEEDS_FOOT for effect in case.effects) else None,
+        known=True if alone else None,
+    )
+    if hidden.jumps:
+        unit = replace(unit, update_hz=sizes[case.effects.index("aliasing")])
+    mechanics = _mechanics(unit, hidden)
+    span_nm = unit.amplitude * SPAN_NM
+    torques = stepped(case.stream("torques"), unit.update_hz, span_nm, DURATION_S)
+    other: Torques = (
+        stepped(case.stream("held_out/torques"), unit.update_hz, span_nm, HELD_OUT_S)
+        if hidden.jumps
+        else tones(case.stream("held_out/torques"), span_nm)
+    )
+    colour = PlateNoise(6, case.stream("colour"))
+    reference = None
+    for place, purpose, pushed, duration_s in (
+        (folder, "", torques, DURATION_S),
+        (held_out, "held_out/", other, HELD_OUT_S),
+    ):
+        fine = ran(mechanics, pushed, duration_s)
+        if reference is None:
+            reference = _reference(fine, mechanics)
+        random = case.stream(f"{purpose}noise")
+        recording = _recording(unit, hidden, mechanics, fine, reference, colour, random, duration_s)
+        recording.save(place)
+        if not purpose:
+            fitted = recording
+    assert reference is not None
+    for parameters in told:
+        for name, value in parameters.items():
+            if np.isnan(value):
+                k, share = hidden.play or hidden.limit or (0, 0.0)
+                parameters[name] = float(share * (reference.deviation if hidden.play else reference.largest)[k])
+    causes = [
+        TrueCause(name=effect, parameters=parameters, size=size, unit=SIZES[effect].unit)
+        for effect, parameters, size in zip(case.effects, told, sizes, strict=True)
+    ]
+    if len(causes) > 1:
+        shares = []
+        for k in range(len(causes)):
+            less = _together([each for other, each in enumerate(fields) if other != k])
+            other_mechanics = _mechanics(unit, less)
+            fine = ran(other_mechanics, torques, DURATION_S)
+            random = case.stream("noise")
+            without = _recording(unit, less, other_mechanics, fine, reference, colour, random, DURATION_S)
+            shares.append(_difference(fitted, without, unit))
+        causes = [causes[int(k)] for k in np.argsort(shares)[::-1]]
+    return Truth(system=case.system, seed=case.seed, kind=case.kind, causes=tuple(causes), nuisance=unit.nuisance)
+
+
+def _together(fields: list[dict[str, object]]) -> Hidden:
+    """Return what several effects hide together."""
+    hidden = Hidden()
+    for each in fields:
+        matrix = hidden.matrix + each.get("matrix", np.eye(6)) - np.eye(6)  # type: ignore[operator]
+        hidden = replace(hidden, **{**each, "matrix": matrix})
+    return hidden
+
+
+def _difference(a: PlatformRecording, b: PlatformRecording, unit: Scene) -> float:
+    """Return the RMS of what differs, each channel by its noise."""
+    parts = [(a.wrench - b.wrench) / unit.wrench_noise, (a.plate.columns - b.plate.columns) / unit.pose_noise]
+    if a.foot is not None and b.foot is not None:
+        parts.append((a.foot.columns - b.foot.columns) / unit.pose_noise)
+    return float(np.sqrt(np.mean(np.hstack(parts) ** 2)))
+
+
+def _mechanics(unit: Scene, hidden: Hidden) -> Mechanics:
+    return Mechanics(
+        plate=unit.plate,
+        foot=unit.foot,
+        foot_origin_m=unit.foot_origin_m,
+        lever_m=np.array([0.0, unit.joint_to_surface_m, 0.0]) + hidden.joint_m,
+        sensor_m=np.array([0.0, hidden.height_m, 0.0]),
+        sensor_turn_rad=hidden.turn_rad,
+        hidden=hidden.masses,
+        tape_hz=hidden.tape_hz,
+        tape_zeta=hidden.tape_zeta,
+        jumps=hidden.jumps,
+    )
+
+
+def _reference(fine: Fine, mechanics: Mechanics) -> _Reference:
+    tared = (fine.wrench - mechanics.tared[:, None])[:, fine.t_s >= 0.0]
+    return _Reference(tared.std(axis=1), np.abs(tared).max(axis=1))
+
+
+def _recording(
+    unit: Scene,
+    hidden: Hidden,
+    mechanics: Mechanics,
+    fine: Fine,
+    reference: _Reference,
+    colour: PlateNoise,
+    random: np.random.Generator,
+    duration_s: float,
+) -> PlatformRecording:
+    """Return what the laboratory writes down."""
+    count = round(duration_s * RATE_HZ)
+    poses = _poses(unit, hidden, mechanics, fine, random, count)
+    wrench = sampled(_felt(hidden, mechanics, fine, reference, random), count, raw=hidden.jumps)
+    white = random.standard_normal((6, count))
+    noise = colour.record(count, RATE_HZ, random) if unit.coloured else white
+    wrench = wrench + unit.wrench_noise[:, None] * noise
+    t_s = np.arange(count) / RATE_HZ
+    return PlatformRecording(
+        settings=_settings(unit),
+        t_s=t_s,
+        plate=Poses.from_columns(poses[:6].T),
+        foot=Poses.from_columns(poses[6:].T) if unit.foot is not None else None,
+        force_t_s=t_s,
+        wrench=_converted(hidden, reference, wrench, random).T,
+    )
+
+
+def _poses(
+    unit: Scene, hidden: Hidden, mechanics: Mechanics, fine: Fine, random: np.random.Generator, count: int
+) -> Array:
+    """Return the poses (6 or 12, n) that motion capture writes."""
+    shown = fine if hidden.tape_seen else replace(fine, tape_rad=np.zeros_like(fine.tape_rad))
+    plate, foot = shown.poses(mechanics)
+    if unit.foot is not None:
+        rigid = replace(mechanics, foot_origin_m=mechanics.foot_origin_m + hidden.foot_marker_m)
+        foot = shown.poses(rigid)[1]
+    poses = sampled(np.vstack((plate, foot)), count, raw=hidden.jumps)
+    if hidden.outside is not None:
+        poses[:6] = at_markers(*hidden.outside, poses[:6])
+    for first in range(0, len(poses), 6):
+        poses[first : first + 3] *= 1.0 + hidden.position_scale
+    poses = poses + np.tile(unit.pose_noise, len(poses) // 6)[:, None] * random.standard_normal(poses.shape)
+    return smoothed(poses, hidden.smoothing_hz) if np.isfinite(hidden.smoothing_hz) else poses
+
+
+def _felt(
+    hidden: Hidden, mechanics: Mechanics, fine: Fine, reference: _Reference, random: np.random.Generator
+) -> Array:
+    """Return the tared wrench (6, n) that leaves the amplifier, 3500 a second."""
+    wrench = fine.wrench - mechanics.tared[:, None] + mechanics.read(_straps(hidden, fine))
+    wrench = hidden.matrix @ wrench
+    if hidden.play is not None:
+        k, share = hidden.play
+        wrench[k] = followed(wrench[k], share * reference.deviation[k])
+    if hidden.outside is not None:
+        wrench = at_sensor(*hidden.outside, fine.t_s, wrench, reference.scale, random)
+    if hidden.lag_s > 0.0:
+        wrench = lagging(wrench, hidden.lag_s)
+    if hidden.delay_s != 0.0:
+        wrench = warped(wrench, fine.t_s, lambda t_s: t_s - hidden.delay_s)
+    if hidden.drift != 0.0:
+        wrench = warped(wrench, fine.t_s, lambda t_s: t_s / (1.0 + hidden.drift))
+    return wrench
+
+
+def _straps(hidden: Hidden, fine: Fine) -> Array:
+    """Return what springs, dampers and friction ask of the sensor (6, n), in P: moments about I's Z and P's X."""
+    moments = [
+        hidden.spring_nmprad[k] * fine.angles_rad[k]
+        + hidden.damper_nmsprad[k] * fine.rates_radps[k]
+        + (rubbed(fine.angles_rad[k], float(hidden.friction_nm[k])) if hidden.friction_nm[k] > 0.0 else 0.0)
+        for k in (0, 1)
+    ]
+    phi = fine.angles_rad[1]
+    none = np.zeros_like(phi)
+    return np.stack((none, none, none, moments[1], moments[0] * np.sin(phi), moments[0] * np.cos(phi)))
+
+
+def _converted(hidden: Hidden, reference: _Reference, wrench: Array, random: np.random.Generator) -> Array:
+    """Return what converter and recorder make of samples (6, n)."""
+    wrench = wrench + hidden.tare[:, None]
+    if hidden.limit is not None:
+        k, share = hidden.limit
+        bound = share * reference.largest[k]
+        wrench[k] = np.minimum(np.maximum(wrench[k], -bound), bound)
+    for step, rows in zip(hidden.step, (slice(0, 3), slice(3, 6)), strict=True):
+        if step > 0.0:
+            wrench[rows] = step * np.floor(wrench[rows] / step + 0.5)
+    if hidden.lost_share > 0.0:
+        for lost in np.flatnonzero(random.random(wrench.shape[1]) < hidden.lost_share):
+            if lost > 0:
+                wrench[:, lost] = wrench[:, lost - 1]
+    return wrench
+
+
+def _settings(unit: Scene) -> PlatformSettings:
+    position_m, angle_rad = unit.pose_noise[[0, 3]].tolist()
+    force_n, torque_nm = unit.wrench_noise[[0, 3]].tolist()
+    cog_m, six = tuple(unit.plate.cog_m.tolist()), tuple(unit.plate.about_cog().tolist())
+    return PlatformSettings(
+        rates=RateSettings(motion_hz=RATE_HZ, force_hz=RATE_HZ),
+        plate=PlateSettings(
+            mass_kg=unit.plate.mass_kg,
+            joint_to_surface_m=unit.joint_to_surface_m,
+            cog_m=cog_m if unit.known else None,
+            inertia_kgm2=six if unit.known else None,
+        ),
+        foot=FootSettings(present=unit.foot is not None, origin_in_plate_m=tuple(unit.foot_origin_m.tolist())),
+        tare=TareSettings(at_rest=True),
+        noise=NoiseSettings(position_m=position_m, angle_rad=angle_rad, force_n=force_n, torque_nm=torque_nm)
+        if unit.declared
+        else NoiseSettings(),
+    )

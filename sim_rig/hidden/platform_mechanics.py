@@ -1,0 +1,214 @@
+"""The vibrating platform with something wrong in its mechanics, in MuJoCo, at ten times the laboratory's rate."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+
+from impedance.body import geometry
+from impedance.body.rigid_body import Array, Inertia
+from sim_rig.platform.rig import UPPER_FRAME
+
+RATE_HZ: Final = 350.0
+OVERSAMPLING: Final = 10
+STEP_S: Final = 1.0 / (OVERSAMPLING * RATE_HZ)
+SETTLE_S: Final = 1.0
+_STIFFNESS_NMPRAD: Final = (15470.0, 8594.0)
+_DAMPING_NMSPRAD: Final = 60.0
+_DRIVE_HZ: Final = 60.0
+_DRIVE_KGM2: Final = 0.02
+_DRIVE_ZETA: Final = 0.7
+
+Torques = Callable[[Array], Array]
+"""From times (n,) in s to torques (n, 2) in N·m about I's Z and P's X."""
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    """What stands on the joint, and how.
+
+    `lever_m` (3,) reaches from the joint to P's origin; the sensor sits at `sensor_m` (3,) in P, turned by
+    `sensor_turn_rad` (3,), a rotation vector. `hidden` are extra point masses (kg, place in P). The foot is rigidly
+    mounted, or rocks about P's origin where `tape_hz` (about z, about x) is finite, with `tape_zeta`. `jumps` lets the
+    torques act as the steps they are.
+    """
+
+    plate: Inertia
+    foot: Inertia | None
+    foot_origin_m: Array
+    lever_m: Array
+    sensor_m: Array
+    sensor_turn_rad: Array
+    hidden: tuple[tuple[float, Array], ...] = ()
+    tape_hz: tuple[float, float] = (np.inf, np.inf)
+    tape_zeta: float = 0.0
+    jumps: bool = False
+
+    @property
+    def tared(self) -> Array:
+        """Return what the sensor reads (6,) of plate and hidden masses, level and at rest."""
+        loads = [(self.plate.mass_kg, self.plate.cog_m), *self.hidden]
+        force = np.array([0.0, 9.81 * sum(mass for mass, _ in loads), 0.0])
+        moment = sum((np.cross(place, [0.0, 9.81 * mass, 0.0]) for mass, place in loads), np.zeros(3))
+        return self.read(np.concatenate((force, moment))[:, None])[:, 0]
+
+    def read(self, wrench: Array) -> Array:
+        """Return what the sensor makes of a wrench (6, n) in P about P's origin."""
+        R_SP = _rotation(self.sensor_turn_rad).T
+        about = wrench[3:] - np.cross(self.sensor_m, wrench[:3].T).T
+        return np.vstack((R_SP @ wrench[:3], R_SP @ about))
+
+
+@dataclass(frozen=True)
+class Fine:
+    """What happened at `t_s` (n,), 3500 a second, the first second before zero.
+
+    `angles_rad`, `rates_radps` (2, n) of the joint, `tape_rad` (2, n) of the foot against the plate about z and x, and
+    the `wrench` (6, n) that the sensor felt, its tare not yet taken off.
+    """
+
+    t_s: Array
+    angles_rad: Array
+    rates_radps: Array
+    tape_rad: Array
+    wrench: Array
+
+    def poses(self, mechanics: Mechanics) -> tuple[Array, Array]:
+        """Return positions and Euler angles of plate and foot in I, each (12, n) and (6, n) if there is no foot."""
+        none = np.zeros_like(self.t_s)
+        R_IP = geometry.rotation_IP(none, *self.angles_rad)
+        plate_m = R_IP @ mechanics.lever_m
+        plate = np.vstack((plate_m.T, none, self.angles_rad))
+        if mechanics.foot is None:
+            return plate, np.zeros((0, len(none)))
+        R_PF = geometry.rotation_IP(none, *self.tape_rad)
+        foot_m = plate_m + (R_IP @ R_PF) @ mechanics.foot_origin_m
+        return plate, np.vstack((foot_m.T, geometry.euler_of(R_IP @ R_PF).T))
+
+
+def ran(mechanics: Mechanics, torques: Torques, duration_s: float) -> Fine:
+    """Return what happens from rest under the torques, from a second before zero to half a second after the end."""
+    steps = round((SETTLE_S + duration_s + 0.5) / STEP_S)
+    t_s = STEP_S * np.arange(steps, dtype=np.float64) - SETTLE_S
+    model = mujoco.MjModel.from_xml_string(_xml(mechanics))
+    data = mujoco.MjData(model)
+    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    start = np.empty(size)
+    mujoco.mj_getState(model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    _, sensors = rollout.rollout(model, data, start, torques(t_s + 0.5 * STEP_S)[None])
+    rows: Array = np.ascontiguousarray(sensors[0].T)
+    tape = np.zeros((2, steps))
+    place = 10
+    for row, hz in enumerate(mechanics.tape_hz):
+        if np.isfinite(hz):
+            tape[row] = rows[place]
+            place += 1
+    return Fine(t_s, rows[:2], rows[2:4], tape, rows[4:10])
+
+
+def _xml(m: Mechanics) -> str:
+    driven = ("theta", "phi") if m.jumps else ("theta_drive", "phi_drive")
+    lag = "" if m.jumps else f'dyntype="filter" dynprm="{1.0 / (2.0 * np.pi * _DRIVE_HZ)!r}"'
+    hidden = "".join(
+        f'<body pos="{_row(place)}"><inertial mass="{mass!r}" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>'
+        for mass, place in m.hidden
+    )
+    axes = [name for name, hz in zip(("delta", "epsilon"), m.tape_hz, strict=True) if np.isfinite(hz)]
+    tape_sensors = "".join(f'<jointpos joint="{name}"/>' for name in axes)
+    springs = f"<tendon>{_spring('theta')}{_spring('phi')}</tendon>"
+    return f"""
+<mujoco>
+  <compiler angle="radian"/>
+  <option gravity="0 -9.81 0" timestep="{STEP_S!r}" integrator="RK4">
+    <flag constraint="disable" contact="disable"/>
+  </option>
+  <worldbody>
+    <body name="upper_frame">
+      <joint name="theta" axis="0 0 1" stiffness="{_STIFFNESS_NMPRAD[0]!r}" damping="{_DAMPING_NMSPRAD!r}"/>
+      <joint name="phi" axis="1 0 0" stiffness="{_STIFFNESS_NMPRAD[1]!r}" damping="{_DAMPING_NMSPRAD!r}"/>
+      {_inertial(UPPER_FRAME)}
+      <body name="plate" pos="{_row(m.lever_m)}">
+        {_inertial(m.plate)}
+        <site name="S" pos="{_row(m.sensor_m)}" quat="{_row(_quaternion(m.sensor_turn_rad))}"/>
+        {hidden}{_foot(m)}
+      </body>
+    </body>
+    {"" if m.jumps else _drive("theta", "0 0 1") + _drive("phi", "1 0 0")}
+  </worldbody>
+  {"" if m.jumps else springs}
+  <actuator><general joint="{driven[0]}" {lag}/><general joint="{driven[1]}" {lag}/></actuator>
+  <sensor>
+    <jointpos joint="theta"/><jointpos joint="phi"/><jointvel joint="theta"/><jointvel joint="phi"/>
+    <force site="S"/><torque site="S"/>{tape_sensors}
+  </sensor>
+</mujoco>"""
+
+
+def _foot(m: Mechanics) -> str:
+    """Return the foot; on tape its frame is aligned with the plate's as it stands there at rest."""
+    if m.foot is None:
+        return ""
+    own = m.foot.seen_from(np.eye(3), m.foot_origin_m)
+    about = own.vector[4:7]
+    weight = own.mass_kg * 9.81 * own.cog_m
+    joints = ""
+    for name, axis, moment, load, hz in (
+        ("delta", "0 0 1", about[2], weight[0], m.tape_hz[0]),
+        ("epsilon", "1 0 0", about[0], -weight[2], m.tape_hz[1]),
+    ):
+        if np.isfinite(hz):
+            w = 2.0 * np.pi * hz
+            stiffness, damping = float(moment * w**2), float(2.0 * m.tape_zeta * moment * w)
+            rest = float(load) / stiffness
+            joints += (
+                f'<joint name="{name}" axis="{axis}" stiffness="{stiffness!r}" damping="{damping!r}" '
+                f'springref="{rest!r}"/>'
+            )
+    return f'<body name="foot">{joints}{_inertial(own)}</body>'
+
+
+def _drive(axis: str, direction: str) -> str:
+    moment = repr(_DRIVE_KGM2)
+    return (
+        f'<body name="{axis}_drive"><joint name="{axis}_drive" axis="{direction}"/>'
+        f'<inertial mass="1" pos="0 0 0" diaginertia="{moment} {moment} {moment}"/></body>'
+    )
+
+
+def _spring(axis: str) -> str:
+    w = 2.0 * np.pi * _DRIVE_HZ
+    return (
+        f'<fixed stiffness="{_DRIVE_KGM2 * w**2!r}" damping="{2.0 * _DRIVE_ZETA * _DRIVE_KGM2 * w!r}" '
+        f'springlength="0"><joint joint="{axis}" coef="-1"/><joint joint="{axis}_drive" coef="1"/></fixed>'
+    )
+
+
+def _inertial(body: Inertia) -> str:
+    J = body.inertia_kgm2
+    full = (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
+    return f'<inertial mass="{float(body.mass_kg)!r}" pos="{_row(body.cog_m)}" fullinertia="{_row(full)}"/>'
+
+
+def _quaternion(turn_rad: Array) -> tuple[float, ...]:
+    angle = float(np.linalg.norm(turn_rad))
+    if angle == 0.0:
+        return (1.0, 0.0, 0.0, 0.0)
+    return (float(np.cos(0.5 * angle)), *(np.sin(0.5 * angle) / angle * turn_rad).tolist())
+
+
+def _rotation(turn_rad: Array) -> Array:
+    w, x, y, z = _quaternion(turn_rad)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _row(values: Array | tuple[float, ...]) -> str:
+    return " ".join(repr(float(value)) for value in values)

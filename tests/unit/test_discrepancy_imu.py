@@ -1,0 +1,216 @@
+"""The IMU's plug-in: what it refuses, what it predicts, held against a generator that shares no formula with it."""
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages.errors import UserError
+from sim_rig.hidden.imu import EFFECTS
+from sim_rig.hidden.imu_motion import Motion, hand_moved, swung
+from sim_rig.hidden.imu_sensor import Unit, readings
+from sim_rig.systems.imu import load
+from sim_rig.systems.imu.motion import reading_of
+from sim_rig.systems.imu.recording import IMU_FILE, REFERENCE_FILE, ImuRecording
+from sim_rig.systems.imu.simulation import ImuSimulation
+
+SECONDS = 20.0
+UNITS: dict[str, tuple[Unit, dict[str, float]]] = {
+    "time_offset": (Unit(late_s=0.012), {"value_s": 0.012}),
+    "clock_drift": (Unit(fast=-1e-3), {"rate": -1e-3}),
+    "gyro_bias": (Unit(w_bias_radps=np.array((0.0, 0.02, 0.0))), {"y_radps": 0.02}),
+    "gyro_bias_drift": (Unit(w_drift_radps2=np.array((0.0, 0.0, 2e-3))), {"z_radps2": 2e-3}),
+    "gyro_scale": (Unit(w_matrix=np.diag((1.03, 1.0, 1.0))), {"x": 0.03}),
+    "gyro_misalignment": (Unit(w_matrix=np.eye(3) + 0.02 * np.eye(3)[[1, 0, 2]] * [[1], [0], [0]]), {"xy": 0.02}),
+    "g_sensitivity": (Unit(w_per_sf=np.outer((0, 0, 1), (0, 3e-3, 0))), {"zy": 3e-3}),
+    "acc_bias": (Unit(sf_bias_mps2=np.array((0.0, 0.0, -0.2))), {"z_mps2": -0.2}),
+    "acc_scale": (Unit(sf_matrix=np.diag((1.0, 0.97, 1.0))), {"y": -0.03}),
+    "acc_misalignment": (Unit(sf_matrix=np.eye(3) + np.outer((0, 0.02, 0), (0, 0, 1))), {"yz": 0.02}),
+    "lever_arm": (Unit(arm_m=np.array((0.03, 0.0, -0.05))), {"x_m": 0.03, "z_m": -0.05}),
+    "frame_rotation": (Unit(turned_rad=np.array((0.05, -0.03, 0.02))), {"x_rad": 0.05, "y_rad": -0.03, "z_rad": 0.02}),
+    "clipping": (Unit(w_limit_radps=1.2), {"gyro_radps": 1.2}),
+    "low_pass": (Unit(cut_off_hz=(9.0, 12.0)), {"gyro_hz": 9.0, "acc_hz": 12.0}),
+    "temperature": (Unit(w_per_degC=np.array((1e-3, 0.0, 0.0))), {"x_radps_per_degC": 1e-3}),
+    "gravity_magnitude": (Unit(gravity_mps2=9.75), {"value_mps2": 9.75}),
+    "vibration": (
+        Unit(mount_hz=np.array((np.inf, 14.0, np.inf)), mount_damping=0.15),
+        {"y_hz": 14.0, "zeta": 0.15},
+    ),
+}
+
+
+def recorded(unit: Unit, seed: int = 1, rate_hz: float = 200.0, jitter: float = 0.0) -> ImuRecording:
+    """Return a recording without noise of the sensors; the reference has 10 µm and 20 µrad, as no real one has."""
+    random = np.random.default_rng(seed)
+    curve = hand_moved(random, SECONDS, 1.0)
+    t_s = (np.arange(int(SECONDS * rate_hz)) + jitter * random.uniform(-1.0, 1.0, int(SECONDS * rate_hz))) / rate_hz
+    degC = 26.0 + 8.0 * t_s / SECONDS
+    read = np.clip(
+        readings(unit, curve, t_s, degC),
+        -np.repeat((unit.w_limit_radps, unit.sf_limit_mps2), 3),
+        np.repeat((unit.w_limit_radps, unit.sf_limit_mps2), 3),
+    )
+    reference_s = np.arange(int(SECONDS * 150.0)) / 150.0
+    motion = Motion(curve, unit.gravity_mps2, np.zeros(3))
+    x, y, z, w = motion.attitude(reference_s).as_quat().T
+    q = np.column_stack((w, x, y, z)) + 1e-5 * random.standard_normal((len(w), 4))
+    return ImuRecording(
+        t_s=t_s,
+        w_radps=read[:, :3],
+        sf_mps2=read[:, 3:],
+        reference_t_s=reference_s,
+        q_WS=q / np.linalg.norm(q, axis=1)[:, None],
+        p_W_m=motion.reference_position(reference_s) + 1e-5 * random.standard_normal((len(w), 3)),
+        temperature_degC=degC,
+    )
+
+
+def simulated(recording: ImuRecording) -> ImuSimulation:
+    return ImuSimulation.of(reading_of(recording))
+
+
+def misfit(simulation: ImuSimulation, values: dict[str, float]) -> float:
+    """Return the RMS of measured minus predicted, gyroscope in rad/s and accelerometer in a tenth of m/s² alike."""
+    weights = np.repeat((1.0, 0.1), 3)
+    return float(np.sqrt(np.nanmean(((simulation.channels.values - simulation.predicted(values)) * weights) ** 2)))
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_each_effect_predicts_what_other_formulas_generate(name: str) -> None:
+    unit, parameters = UNITS[name]
+    simulation = simulated(recorded(unit))
+    values = {f"{name}.{key}": value for key, value in parameters.items()}
+    known = {parameter.name for effect in simulation.effects if effect.name == name for parameter in effect.parameters}
+    assert set(parameters) <= known
+    perfect = misfit(simulated(recorded(Unit())), {})
+    before, after = misfit(simulation, {}), misfit(simulation, values)
+    assert before > 1.5 * perfect
+    # a mount's resonance also acts where the reference's noise hides the motion
+    left = 0.25 if name == "vibration" else 0.02
+    assert after**2 - perfect**2 < left * (before**2 - perfect**2)
+
+
+@pytest.fixture(scope="module")
+def clean() -> ImuSimulation:
+    return simulated(recorded(Unit()))
+
+
+@given(data=st.data())
+def test_neutral_values_are_exactly_the_base_model(clean: ImuSimulation, data: st.DataObject) -> None:
+    chosen = data.draw(st.lists(st.sampled_from(clean.effects), unique_by=lambda effect: effect.name, max_size=4))
+    values = {
+        effect.qualified(parameter.name): parameter.neutral for effect in chosen for parameter in effect.parameters
+    }
+    assert clean.predicted(values).tobytes() == clean.predicted({}).tobytes()
+
+
+def test_the_library_holds_what_it_must_and_no_more_of_temperature_than_the_recording(clean: ImuSimulation) -> None:
+    assert {effect.name for effect in clean.effects} == set(EFFECTS)
+    logless = simulated(replace(recorded(Unit()), temperature_degC=None))
+    drift = logless.predicted({"gyro_bias_drift.x_radps2": 1e-4})
+    assert logless.predicted({"temperature.x_radps2": 1e-4}).tobytes() == drift.tobytes()
+
+
+def test_what_is_worse_than_a_laboratory_changes_little() -> None:
+    perfect = misfit(simulated(recorded(Unit())), {})
+    jittered = simulated(recorded(Unit(), jitter=0.2))
+    assert misfit(jittered, {}) < 2.0 * perfect
+    whole = recorded(Unit(), rate_hz=90.0)
+    lost = np.ones(len(whole.t_s), dtype=bool)
+    lost[700:760] = False
+    q = whole.q_WS.copy()
+    q[1000:1060] = np.nan
+    gappy = replace(
+        whole,
+        t_s=whole.t_s[lost],
+        w_radps=whole.w_radps[lost],
+        sf_mps2=whole.sf_mps2[lost],
+        temperature_degC=None,
+        q_WS=np.where(np.arange(len(q))[:, None] % 2 == 0, q, -q),
+    )
+    simulation = simulated(gappy)
+    t_s = simulation.channels.t_s
+    assert np.isnan(simulation.channels.values[(t_s > 7.8) & (t_s < 8.4)]).all()
+    assert np.isnan(simulation.channels.values[(t_s > 6.7) & (t_s < 7.0)]).all()
+    assert np.isfinite(simulation.channels.inputs).all()
+    assert misfit(simulation, {}) < 2.0 * perfect
+
+
+def test_the_band_follows_the_reference_s_noise() -> None:
+    quiet = recorded(Unit())
+    random = np.random.default_rng(3)
+    noisy = replace(quiet, p_W_m=quiet.p_W_m + 2e-3 * random.standard_normal(quiet.p_W_m.shape))
+    noisy = replace(noisy, q_WS=noisy.q_WS + 2e-3 * random.standard_normal(noisy.q_WS.shape))
+    assert reading_of(noisy).band_hz < 0.7 * reading_of(quiet).band_hz
+
+
+def test_noise_of_the_reference_does_not_call_for_a_low_pass() -> None:
+    random = np.random.default_rng(4)
+    curve = swung(random, 1.0)
+    t_s = np.arange(4000) / 100.0
+    motion = Motion(curve, 9.80665, np.zeros(3))
+    read = readings(Unit(), curve, t_s, np.full(4000, 25.0)) + np.repeat((1e-3, 3e-2), 3) * random.standard_normal(
+        (4000, 6)
+    )
+    x, y, z, w = motion.attitude(t_s).as_quat().T
+    q = np.column_stack((w, x, y, z)) + 3e-4 * random.standard_normal((4000, 4))
+    p_m = motion.reference_position(t_s) + 3e-4 * random.standard_normal((4000, 3))
+    q /= np.linalg.norm(q, axis=1)[:, None]
+    simulation = simulated(ImuRecording(t_s, read[:, :3], read[:, 3:], t_s, q, p_m))
+    right = misfit(simulation, {})
+    for wrong_hz in (12.0, 30.0):
+        assert misfit(simulation, {"low_pass.gyro_hz": wrong_hz, "low_pass.acc_hz": wrong_hz}) > right
+
+
+def _rows(path: Path) -> list[list[str]]:
+    return [line.split(",") for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+@pytest.mark.parametrize(
+    ("file", "row", "column", "cell", "message"),
+    [
+        (IMU_FILE, 0, "gy_radps", "gy_dps", "imu.csv: column gy_radps is missing"),
+        (IMU_FILE, 7, "t_s", "0.001", "imu.csv: row 8: t_s does not increase"),
+        (IMU_FILE, 7, "gx_radps", "fast", "imu.csv: row 8: gx_radps is 'fast', allowed a number"),
+        (IMU_FILE, 7, "gx_radps", "250", "imu.csv: row 8: gx_radps is 250, allowed ±90 rad/s"),
+        (REFERENCE_FILE, 5, "qw", "3", "reference.csv: row 6: qw to qz have the norm"),
+        (REFERENCE_FILE, 5, "px_m", "812", "reference.csv: row 6: px_m is 812, allowed ±100 m"),
+    ],
+)
+def test_rubbish_is_refused_in_one_line(
+    tmp_path: Path, file: str, row: int, column: str, cell: str, message: str
+) -> None:
+    recorded(Unit()).save(tmp_path)
+    rows = _rows(tmp_path / file)
+    rows[row][rows[0].index(column)] = cell
+    (tmp_path / file).write_text("\n".join(",".join(each) for each in rows), encoding="utf-8")
+    with pytest.raises(UserError) as refused:
+        load(tmp_path)
+    assert message in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_wrong_frame_unit_or_overlap_is_refused(tmp_path: Path) -> None:
+    good = recorded(Unit())
+    for wrong, message in (
+        (replace(good, q_WS=good.q_WS * (1.0, -1.0, -1.0, -1.0)), "q must take sensor to world"),
+        (replace(good, sf_mps2=good.sf_mps2 / 9.80665), "is it in g"),
+        (replace(good, reference_t_s=good.reference_t_s + 18.0), "overlaps imu.csv by"),
+        (replace(good, q_WS=np.full_like(good.q_WS, np.nan)), "100 % of the rows are NaN"),
+    ):
+        wrong.save(tmp_path)
+        with pytest.raises(UserError, match=message):
+            load(tmp_path)
+
+
+def test_a_recording_reads_back(tmp_path: Path) -> None:
+    recorded(Unit(), jitter=0.1).save(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        again = load(tmp_path)
+    assert again.channels.names == ("gx_radps", "gy_radps", "gz_radps", "ax_mps2", "ay_mps2", "az_mps2")
+    assert np.isfinite(again.predicted({})).mean() > 0.9

@@ -1,0 +1,168 @@
+"""The wearable's plug-in: its geometry against exact projection, its neutral values, its files."""
+
+import math
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from messages.errors import UserError
+from sim_rig.hidden.case import Case, Kind
+from sim_rig.hidden.wearable import EFFECTS, LOOK_ALIKES, OUTSIDE, PAIRS, SIZES
+from sim_rig.hidden.wearable_physics import hidden
+from sim_rig.hidden.wearable_stage import write_recording
+from sim_rig.hidden.wearable_walk import draw_nuisance, sound_stage, sound_unit
+from sim_rig.systems.wearable import load, view
+from sim_rig.systems.wearable.effects import library
+from sim_rig.systems.wearable.simulation import WearableSimulation
+
+SEED = 41
+FRAMES = 32
+LIBRARY = (
+    "imu_bias",
+    "acceleration_disturbance",
+    "extrinsic_rotation",
+    "time_offset",
+    "baseline_error",
+    "focal_error",
+    "toe_in",
+    "distortion_residual",
+    "motion_blur",
+    "rolling_shutter",
+    "pixel_locking",
+    "exposure_change",
+    "texture_bias",
+    "ground_not_flat",
+    "soft_mount",
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    walk = draw_nuisance(Case("wearable", SEED, Kind.CLEAN, ()), "fit", 1.0)
+    folder = tmp_path_factory.mktemp("wearable") / "clean"
+    write_recording(replace(sound_stage(sound_unit(SEED), walk), frames=FRAMES), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def simulation(folder: Path) -> WearableSimulation:
+    return load(folder)
+
+
+def test_library_holds_exactly_the_stated_effects() -> None:
+    assert {effect.name for effect in library(with_reference=True)} == set(LIBRARY)
+    assert set(EFFECTS) == set(LIBRARY)
+    assert len(OUTSIDE) >= 6
+    assert not set(OUTSIDE) & set(LIBRARY)
+    assert {name for names in (*PAIRS, *LOOK_ALIKES) for name in names} <= set(LIBRARY)
+
+
+def test_every_hidden_effect_tells_parameters_of_the_library() -> None:
+    known = {effect.name: {p.name: p for p in effect.parameters} for effect in library(with_reference=True)}
+    for seed in range(1, 7):
+        for name in EFFECTS:
+            case = Case("wearable", seed, Kind.SINGLE, (name,))
+            size = SIZES[name].drawn(case.stream("size"))
+            for parameter, value in hidden(name, size, case.stream("cause")).parameters.items():
+                expected = known[name][parameter]
+                assert expected.low <= value <= expected.high
+                assert abs(value - expected.neutral) > 2.0 * expected.scale
+
+
+def test_neutral_values_are_the_base_model_and_prediction_is_pure(simulation: WearableSimulation) -> None:
+    neutral = {
+        effect.qualified(parameter.name): parameter.neutral
+        for effect in simulation.effects
+        for parameter in effect.parameters
+    }
+    assert simulation.predicted(neutral).tobytes() == simulation.predicted({}).tobytes()
+    bent = {"toe_in.y_rad": 1e-3, "time_offset.value_s": 2e-3}
+    assert simulation.predicted(bent).tobytes() == simulation.predicted(bent).tobytes()
+
+
+def test_sound_recording_leaves_hardly_a_residual(simulation: WearableSimulation) -> None:
+    channels = simulation.channels
+    assert len(channels.t_s) == FRAMES
+    assert channels.rate_hz == pytest.approx(20.0, rel=1e-6)
+    residual = channels.values - simulation.predicted({})
+    rms = dict(zip(channels.names, np.sqrt(np.nanmean(residual**2, axis=0)), strict=True))
+    assert all(value < 0.03 for name, value in rms.items() if name.startswith("disparity"))
+    assert rms["disparity_xx_px"] < 0.01
+    assert all(value < 0.006 for name, value in rms.items() if name.endswith("_rad"))
+
+
+def test_every_effect_changes_the_prediction_and_stays_finite(simulation: WearableSimulation) -> None:
+    base = simulation.predicted({})
+    for effect in simulation.effects:
+        start = effect.starts[0] if effect.starts else {}
+        values = {p.name: start.get(p.name, p.neutral) for p in effect.parameters}
+        values |= {p.name: p.neutral + 10.0 * p.scale for p in effect.parameters if p.name not in start}
+        there = simulation.predicted({effect.qualified(name): value for name, value in values.items()})
+        assert np.isfinite(there[np.isfinite(base)]).all(), effect.name
+        assert np.nanmax(np.abs(there - base)) > 1e-4, effect.name
+
+
+def test_turned_ground_is_that_of_a_turned_camera() -> None:
+    theta, turn_C = np.array([1.5, 40.0, 33.0]), np.array([0.02, -0.01, 0.03])
+    exact = Rotation.from_rotvec(turn_C).as_matrix().T @ theta
+    assert view.turned(theta, turn_C) == pytest.approx(exact, abs=1e-3)
+
+
+@pytest.mark.parametrize(("share", "column"), [(0.01, 0), (-0.02, 3), (0.03, 5)])
+def test_baseline_error_stretches_every_disparity(simulation: WearableSimulation, share: float, column: int) -> None:
+    def disparity(values: dict[str, float]) -> float:
+        return float(simulation.predicted({**values, "matcher_offset_px": 0.0})[FRAMES // 2, column])
+
+    late = simulation._readout_s * simulation._late
+    straight = float((simulation._operator @ late[..., None])[FRAMES // 2, column, 0])
+    stretched = disparity({"baseline_error.share": share}) - straight
+    assert stretched == pytest.approx((1.0 + share) * (disparity({}) - straight), rel=1e-9)
+
+
+def test_soft_mount_lags_the_body_like_its_transfer_function(simulation: WearableSimulation) -> None:
+    hz, zeta, shaken_hz = 6.0, 0.2, 3.0
+    t_s = simulation._path.grid_s
+    kept = simulation._gyro_C
+    try:
+        simulation._gyro_C = np.outer(np.cos(2 * np.pi * shaken_hz * t_s), np.ones(3))
+        swing = simulation._swing_C(hz, zeta)[len(t_s) // 2 :, 0]
+    finally:
+        simulation._gyro_C = kept
+    s, omega = 2j * math.pi * shaken_hz, 2 * math.pi * hz
+    assert np.abs(swing).max() == pytest.approx(abs(-s / (s * s + 2 * zeta * omega * s + omega**2)), rel=0.05)
+
+
+def test_without_reference_only_the_disparities_are_judged(folder: Path, tmp_path: Path) -> None:
+    for name in ("walk.mcap", "ground.csv"):
+        shutil.copy(folder / name, tmp_path / name)
+    simulation = load(tmp_path)
+    assert "gyro_roll_rad" not in simulation.channels.names
+    assert "imu_bias" not in {effect.name for effect in simulation.effects}
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("t_s,nx,ny,nz\n1,0,0,1\n", "column height_m is missing"),
+        ("t_s,nx,ny,nz,height_m\n1,0,0,1,0.9\n2,0,0,2,0.9\n", "row 3, column nx, ny, nz"),
+        ("t_s,nx,ny,nz,height_m\n1,0,0,1,0.9\n1,0,0,1,0.9\n", "row 3, column t_s does not rise"),
+        ("t_s,nx,ny,nz,height_m\n1,0,0,1,0.9\n2,0,0,1,metre\n", "row 3, column height_m is 'metre'"),
+        ("t_s,nx,ny,nz,height_m\n1,0,0,1,0.9\n2,0,0,1,9.9\n", "row 3, column height_m is outside"),
+    ],
+)
+def test_a_wrong_ground_is_one_line(folder: Path, tmp_path: Path, table: str, message: str) -> None:
+    shutil.copy(folder / "walk.mcap", tmp_path / "walk.mcap")
+    (tmp_path / "ground.csv").write_text(table)
+    with pytest.raises(UserError) as raised:
+        load(tmp_path)
+    assert str(raised.value).startswith(f"{tmp_path / 'ground.csv'}: {message}")
+    assert "\n" not in str(raised.value)
+
+
+def test_a_folder_without_recording_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="holds 0 MCAP files; expected one"):
+        load(tmp_path)
