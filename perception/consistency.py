@@ -121,6 +121,15 @@ class ConsistencyMonitor:
         return Reason.IMU_INCONSISTENT if contradicted else Reason.NONE
 
     @property
+    def turns_hold(self) -> bool:
+        """Return whether the gyroscope is known to agree with the camera, whatever the accelerometer does."""
+        verdicts = self.verdicts
+        turning = all(
+            verdicts[subject] is not Verdict.INCONSISTENT for subject in (Subject.TURN, Subject.MOUNT, *_GYRO)
+        )
+        return turning and any(verdicts[subject] is Verdict.CONSISTENT for subject in _GYRO)
+
+    @property
     def _imu_contradicts(self) -> bool:
         return any(self._questions[subject].verdict is Verdict.INCONSISTENT for subject in _OF_IMU)
 
@@ -155,6 +164,8 @@ class ConsistencyMonitor:
                 self._turns.interrupt()
             else:
                 restart = self._turns.take(turn)
+        if restart or unwatched:
+            self._restart_owed, self._agrees_of_late = False, True
         guess = None if newest is None else self._turn(newest)
         if guess is not None:
             self._turns.guess(guess)
