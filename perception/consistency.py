@@ -32,7 +32,7 @@ class ConsistencySettings:
     changed sign doubles the swing. An axis of the accelerometer whose motion is small beside the others' is judged by
     its gain, which the change of sign takes from 1 to −1; `most_gain_error` is half way. No agreement follows from less
     swing than `least_*_swing`, unless the gain is known. Once the IMU has turned by `most_unwatched_rad`, to and fro,
-    without a picture, nobody knows what became of it meanwhile.
+    without a picture that shows motion, nobody knows what became of it meanwhile.
     """
 
     window_s: float = 1.0
@@ -147,8 +147,7 @@ class ConsistencyMonitor:
         begins to agree again, as in `judge`, or it moved unwatched.
         """
         settings = self.settings
-        unwatched = self._unwatched_rad is not None and self._unwatched_rad > settings.most_unwatched_rad
-        self._unwatched_rad = 0.0
+        unwatched = False
         if motion is None or (self._steps and not self._follows(motion)):
             self._steps.clear()
             self._turns.interrupt()
@@ -164,6 +163,8 @@ class ConsistencyMonitor:
                 self._turns.interrupt()
             else:
                 restart = self._turns.take(turn)
+                unwatched = (self._unwatched_rad or 0.0) > settings.most_unwatched_rad
+                self._unwatched_rad = 0.0
         if restart or unwatched:
             self._restart_owed, self._agrees_of_late = False, True
         guess = None if newest is None else self._turn(newest)
