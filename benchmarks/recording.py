@@ -3,10 +3,12 @@
     python -m benchmarks.recording [--seconds 60] [--ring S] [--folder DIR]
 
 Frames are offered at their real pace, so that the disk, the page cache and the allocator behave as in the daemon. What
-the kernel takes for the bare writes of the same bytes at the same pace is measured beside it.
+the kernel takes for the bare writes of the same bytes at the same pace is measured beside it. MCAP's index stays in
+memory until the file is closed; how it grows is measured with tiny images, written as fast as it goes.
 """
 
 import argparse
+import os
 import resource
 import tempfile
 import threading
@@ -16,7 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from daemon.recorder import Recorder, RecordingInfo
+from daemon.recording_file import RecordingFile, entries_of
 from messages import FrameHeader, ImuSample, Source, StereoFrame, Tick
+from sim_rig.faults.daemon_process import resident_mb
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
 
@@ -32,6 +36,7 @@ def main() -> None:
         print(f"bare writes     {100 * bare_write_share(bare, arguments.seconds):.2f} % of a core, in the kernel")
         bare.unlink()
         measure(Path(folder) / "benchmark.mcap", arguments.seconds, arguments.ring)
+    print(f"index           {index_growth_mb_per_h():.1f} MB of memory per hour of recording")
 
 
 def bare_write_share(path: Path, seconds: float) -> float:
@@ -45,6 +50,25 @@ def bare_write_share(path: Path, seconds: float) -> float:
             file.write(frames[k % 4])
             spent_s += time.thread_time() - begin_s
     return spent_s / seconds
+
+
+def index_growth_mb_per_h(hours: float = 0.5) -> float:
+    """Return how much the resident memory grows in an hour of frames and samples, images apart."""
+    images = np.zeros((8, 8, 8), np.uint8)
+    file = RecordingFile(Path("/dev/null"), RecordingInfo("benchmark", Source.SIMULATED, "", ""))
+    settled, frames = 2000, round(hours * 3600 * 20)
+    settled_mb = 0.0
+    for k in range(settled + frames):
+        for sample in range(5 * k, 5 * k + 5):
+            t_ns = 10_000_000 * sample
+            file.write(entries_of(Tick(t_ns=t_ns), t_ns))
+            file.write(entries_of(_sample(sample, t_ns), t_ns))
+        file.write(entries_of(_frame(k, 50_000_000 * k, images), 50_000_000 * k))
+        if k == settled:
+            settled_mb = resident_mb(os.getpid())
+    growth_mb = resident_mb(os.getpid()) - settled_mb
+    file.close()
+    return growth_mb / hours
 
 
 def measure(path: Path, seconds: float, ring_s: float | None) -> None:
@@ -103,8 +127,8 @@ def _frame(seq: int, t_ns: int, images: np.ndarray[tuple[int, ...], np.dtype[np.
         t_exposure_ns=t_ns - 40_000_000,
         t_arrival_ns=t_ns,
         exposure_s=0.004,
-        width_px=WIDTH_PX,
-        height_px=HEIGHT_PX,
+        width_px=images.shape[2],
+        height_px=images.shape[1],
     )
     return StereoFrame(header=header, left=images[seq % 8], right=images[(seq + 1) % 8])
 

@@ -77,6 +77,7 @@ def demo(
             recorder,
             [tally, referee],
             background={} if hub is None else {"can-hub": hub.serve},
+            priorities=config is not None and configuration.realtime.priorities,
         )
         with stopped_by_signals(service), LiveStatus(tally, referee) as live:
             service.run(seconds, status=live.refresh)

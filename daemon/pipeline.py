@@ -142,7 +142,7 @@ class Pipeline:
             self._attitude.forget()
         yield self._counted(self._ground_of(frame))
         if self._motion.judge():
-            self._attitude.forget()
+            self._attitude.forget(turns_hold=self._motion.turns_hold)
         if self._motion.reason is Reason.NONE:
             self._attitude.keep()
 

@@ -2,6 +2,7 @@
 
 import copy
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -44,6 +45,13 @@ class AttitudeFilter:
     def forget(self) -> None:
         """Start afresh, as before the first sample: attitude, motion and the sensors' errors are unknown again."""
         self._state = self._kalman.new_state()
+
+    def turn(self, since: Sequence[Sample]) -> None:
+        """Go on from the vertical that the gyroscope alone carries through the samples `since` the state, all valid.
+
+        Of the motion nothing is left: what the accelerometer told meanwhile counts for nothing.
+        """
+        self._state = self._kalman.turned(self._state, since)
 
     @property
     def q_WB(self) -> Quaternion:

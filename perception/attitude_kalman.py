@@ -21,6 +21,7 @@ Barrau, Bonnabel, IEEE TAC 62(4), 2017.
 
 import math
 import operator
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -95,6 +96,30 @@ class AttitudeKalman:
             doubt=state.doubt,
             habit=replace(state.habit),
         )
+
+    def turned(self, state: AttitudeState, since: Sequence[Sample]) -> AttitudeState:
+        """Return the state after the samples `since` a started one, by the gyroscope alone: (1), and no motion known.
+
+        The tilt's variance grows by that of the bias, the matrix and the noise over all that was turned.
+        """
+        settings, q_WB, w_before, t_ns = self.settings, state.q_WB, state.w_measured, state.t_ns
+        elapsed_s, path_rad2, net_rad = 0.0, 0.0, vec3.ZERO
+        for sample in since:
+            dt_s = 0.0 if t_ns is None else 1e-9 * (sample.t_ns - t_ns)
+            turned = vec3.scaled(self.rate(state, vec3.between(w_before, sample.w_B, 0.5)), dt_s)
+            q_WB = so3.multiply(q_WB, so3.quaternion_from_rotvec(turned))
+            elapsed_s, net_rad = elapsed_s + dt_s, vec3.plus_scaled(net_rad, turned, 1.0)
+            path_rad2 += self._rotation_per_square_rate * vec3.square(sample.w_B) * dt_s
+            t_ns, w_before = sample.t_ns, sample.w_B
+        P = state.covariance
+        bias_var = float(np.diag(P[GYRO_BIAS, GYRO_BIAS]).max()) * elapsed_s**2
+        matrix_var = float(np.diag(P[GYRO_MATRIX, GYRO_MATRIX]).max()) * vec3.square(net_rad)
+        noise_var = settings.gyro_noise_radps_rthz**2 * elapsed_s
+        tilt_var = max(P[0, 0], P[1, 1]) + bias_var + matrix_var + path_rad2 + noise_var
+        after = self.forgotten(state, elapsed_s)
+        after.t_ns, after.w_measured, after.sf_measured = t_ns, w_before, since[-1].sf_B
+        self.start_in_motion(after, so3.rows_from_quaternion(q_WB)[6:9], math.sqrt(tilt_var))
+        return after
 
     def rate(self, state: AttitudeState, w_measured: Vec3) -> Vec3:
         """Return w of (1) in rad/s."""

@@ -2,6 +2,8 @@
 
 import math
 from collections import deque
+from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +12,7 @@ from messages import Attitude, ImuSample, Reason, Status, UnitCalibration, Vec3,
 from perception import so3
 from perception.attitude import AttitudeFilter, AttitudeSettings, AttitudeState
 from perception.attitude_history import AttitudeAt, AttitudeHistory, OutsideHistoryError
+from perception.attitude_state import Sample
 from perception.imu_model import corrected
 
 FloatArray = NDArray[np.float64]
@@ -31,6 +34,7 @@ class AttitudeTrack:
         self._before_start: deque[tuple[int, Vec3]] = deque(maxlen=_MOST_BEFORE_START)
         self._newest_ns: int | None = None
         self._kept: deque[tuple[int, AttitudeState]] = deque(maxlen=2)
+        self._recent: deque[Sample] = deque(maxlen=_MOST_RECENT)
 
     @property
     def newest_ns(self) -> int | None:
@@ -52,6 +56,7 @@ class AttitudeTrack:
         sf_B_mps2, w_B_radps = corrected(sample, self._imu)
         self._filter.update(sample.t_sample_ns, sf_B_mps2, w_B_radps, clipped=sample.clipped)
         self._newest_ns = sample.t_sample_ns
+        self._recent.append(Sample(sample.t_sample_ns, sf_B_mps2, w_B_radps, sample.clipped))
         state, rotation_cov_W = self._filter, self._filter.rotation_cov_W
         if state.status is Status.VALID:
             if self._before_start:
@@ -74,18 +79,30 @@ class AttitudeTrack:
         if not self._kept or self._newest_ns - self._kept[-1][0] >= 1e9 * _KEPT_EVERY_S:
             self._kept.append((self._newest_ns, self._filter.save()))
 
-    def forget(self) -> None:
+    def forget(self, *, turns_hold: bool = False) -> None:
         """Start afresh: what was felt of late contradicts what is now known.
 
         Of the time since the last state but one that was kept nothing is left, as if samples had been missing since;
-        without one, only the calibration is left. The status is not VALID until the filter has started again.
+        without one, only the calibration is left. The status is not VALID until the filter has started again. If the
+        turns felt since hold, they carry the vertical of that state to the newest sample.
         """
-        if self._kept:
-            self._filter.restore(self._kept[0][1])
-        else:
-            self._filter.forget()
         self._history.clear()
         self._before_start.clear()
+        if not self._kept:
+            self._filter.forget()
+            return
+        kept_ns, state = self._kept[0]
+        self._filter.restore(state)
+        if turns_hold and self._recent[0].t_ns <= kept_ns:
+            since = [sample for sample in self._recent if sample.t_ns > kept_ns]
+            if since and self._is_whole(kept_ns, since):
+                self._filter.turn(since)
+
+    def _is_whole(self, kept_ns: int, since: Sequence[Sample]) -> bool:
+        """Return whether no sample is clipped and none is missing for long."""
+        times_ns = [kept_ns, *(sample.t_ns for sample in since)]
+        together = all(after - before <= self._longest_step_ns for before, after in pairwise(times_ns))
+        return together and not any(sample.clipped for sample in since)
 
     def at(self, t_ns: int) -> AttitudeAt | None:
         """Return attitude and rate at `t_ns`, or None if that is not between known samples or just after the newest."""
@@ -144,3 +161,4 @@ class AttitudeTrack:
 _MOST_BEFORE_START = 1024
 _REMEMBERED_S = 2.0
 _KEPT_EVERY_S = 2.0
+_MOST_RECENT = 1024

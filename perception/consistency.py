@@ -32,7 +32,7 @@ class ConsistencySettings:
     changed sign doubles the swing. An axis of the accelerometer whose motion is small beside the others' is judged by
     its gain, which the change of sign takes from 1 to −1; `most_gain_error` is half way. No agreement follows from less
     swing than `least_*_swing`, unless the gain is known. Once the IMU has turned by `most_unwatched_rad`, to and fro,
-    without a picture, nobody knows what became of it meanwhile.
+    without a picture that shows motion, nobody knows what became of it meanwhile.
     """
 
     window_s: float = 1.0
@@ -121,6 +121,15 @@ class ConsistencyMonitor:
         return Reason.IMU_INCONSISTENT if contradicted else Reason.NONE
 
     @property
+    def turns_hold(self) -> bool:
+        """Return whether the gyroscope is known to agree with the camera, whatever the accelerometer does."""
+        verdicts = self.verdicts
+        turning = all(
+            verdicts[subject] is not Verdict.INCONSISTENT for subject in (Subject.TURN, Subject.MOUNT, *_GYRO)
+        )
+        return turning and any(verdicts[subject] is Verdict.CONSISTENT for subject in _GYRO)
+
+    @property
     def _imu_contradicts(self) -> bool:
         return any(self._questions[subject].verdict is Verdict.INCONSISTENT for subject in _OF_IMU)
 
@@ -138,8 +147,7 @@ class ConsistencyMonitor:
         begins to agree again, as in `judge`, or it moved unwatched.
         """
         settings = self.settings
-        unwatched = self._unwatched_rad is not None and self._unwatched_rad > settings.most_unwatched_rad
-        self._unwatched_rad = 0.0
+        unwatched = False
         if motion is None or (self._steps and not self._follows(motion)):
             self._steps.clear()
             self._turns.interrupt()
@@ -155,6 +163,10 @@ class ConsistencyMonitor:
                 self._turns.interrupt()
             else:
                 restart = self._turns.take(turn)
+                unwatched = (self._unwatched_rad or 0.0) > settings.most_unwatched_rad
+                self._unwatched_rad = 0.0
+        if restart or unwatched:
+            self._restart_owed, self._agrees_of_late = False, True
         guess = None if newest is None else self._turn(newest)
         if guess is not None:
             self._turns.guess(guess)

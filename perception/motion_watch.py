@@ -44,6 +44,11 @@ class MotionWatch:
         verdicts = self._monitor.verdicts
         return tuple(subject for subject in Subject if verdicts[subject] is Verdict.INCONSISTENT)
 
+    @property
+    def turns_hold(self) -> bool:
+        """Return whether the gyroscope is known to agree with the camera."""
+        return self._monitor is not None and self._monitor.turns_hold
+
     def feel(self, sample: ImuSample) -> None:
         """Take a finite sample, later than the one before it; a clipped one counts as missing."""
         if self._monitor is not None and not sample.clipped:

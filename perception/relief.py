@@ -17,7 +17,7 @@ def relief_cov(fit: PlaneFit, points_H: FloatArray, misfit_px: FloatArray, regio
     weight = region.emphasis(points_H)
     inlier = np.abs(misfit_px) < 3.0 * fit.noise_px
     rise_m = fit.plane.rise_m(points_H)
-    cov = _crease(fit, points_H[inlier, 0], rise_m[inlier], weight[inlier], region)
+    cov = _crease(points_H[inlier, 0], rise_m[inlier], weight[inlier], region)
     cov[2, 2] += _step_variance_m2(rise_m, inlier, weight)
     return cov
 
@@ -30,24 +30,19 @@ def _step_variance_m2(rise_m: FloatArray, inlier: NDArray[np.bool_], weight: Flo
     return float(share * (1.0 - share) * np.average(rise_m[~inlier] ** 2, weights=weight[~inlier]))
 
 
-def _crease(
-    fit: PlaneFit, x_m: FloatArray, rise_m: FloatArray, weight: FloatArray, region: FootholdSettings
-) -> FloatArray:
+def _crease(x_m: FloatArray, rise_m: FloatArray, weight: FloatArray, region: FootholdSettings) -> FloatArray:
     """Return the covariance of a bend along the region, such as the foot of a ramp.
 
     With rise = c₀ + c₁ ξ + c₂ ξ², ξ from −1 to 1 along the half-length l, the slope wanders by 2 c₂ ξ / l about its
-    middle. As far as c₂² exceeds four times its own noise, the mean square over ξ is added; the region's middle
-    stays where it is, so h turns with the slope about it.
+    middle. The mean square of that over ξ is added, significant or not: the edge of a ramp enters by a small bend. The
+    region's middle stays where it is, so h turns with the slope about it.
     """
     half_length_m = region.half_length_m
     xi = (x_m - region.ahead_m) / half_length_m
     terms = np.stack((np.ones(len(xi)), xi, xi**2), axis=-1)
     information = terms.T @ (terms * weight[:, None])
-    inverse = np.linalg.inv(information)
-    c2_m = float((inverse @ (terms.T @ (weight * rise_m)))[2])
-    # the slope's own variance, carried over to c₂ by the ratio of the two terms' information
-    c2_noise_m2 = fit.covariance[0, 0] * half_length_m**2 * information[1, 1] * inverse[2, 2]
-    slope_variance = 4.0 / 3.0 * max(0.0, c2_m**2 - 4.0 * c2_noise_m2) / half_length_m**2
+    c2_m = float(np.linalg.solve(information, terms.T @ (weight * rise_m))[2])
+    slope_variance = 4.0 / 3.0 * c2_m**2 / half_length_m**2
     pivot = np.array([1.0, 0.0, region.ahead_m])
     cov: FloatArray = slope_variance * np.outer(pivot, pivot)
     return cov

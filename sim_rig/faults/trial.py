@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from itertools import islice
+from itertools import islice, takewhile
 from typing import NamedTuple
 
 import msgspec
@@ -104,8 +104,14 @@ def measure(
 def _flagged(heard: Sequence[Heard], lasting: int) -> Iterator[Heard]:
     """Yield the flags that begin `lasting` or more among the next twice as many grounds."""
     for place, h in enumerate(heard):
-        if h.flag and sum(later.flag for later in heard[place : place + 2 * lasting]) >= lasting:
+        if _flags(heard[place:]) and sum(later.flag for later in heard[place : place + 2 * lasting]) >= lasting:
             yield h
+
+
+def _flags(heard: Sequence[Heard]) -> bool:
+    """Return whether the first is a flag: a refusal at an edge is, if the edge goes by and the same refusal goes on."""
+    same = takewhile(lambda h: not h.valid and h.ground.reason is heard[0].ground.reason, heard)
+    return any(h.flag for h in same)
 
 
 def recovery_s(heard: Sequence[Heard], on_can: Sequence[HeardOnCan], clear_ns: int) -> float:

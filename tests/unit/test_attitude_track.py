@@ -79,3 +79,33 @@ def test_what_contradicted_is_forgotten_back_to_what_was_kept() -> None:
     assert 0 < valid <= 150
     q_WB = [so3.matrix_from_quaternion(attitude.q_WB) for attitude in attitudes[valid:]]
     assert np.degrees(np.abs(tilt_errors_W(np.array(q_WB), after.R_WB[valid:])).max()) < 6.0
+
+
+def contradicted(accelerometer: float) -> tuple[AttitudeTrack, Motion]:
+    """Return a track that was kept during a walk and then felt the accelerometer's x wrong, and what follows."""
+    track, motion = AttitudeTrack(CALIBRATION), hip_motion([(2.0, 14.0)], 14.0, seed=4)
+    for second in range(7):
+        felt(track, motion.between(float(second), second + 1.0))
+        track.keep()
+    wrong = motion.between(7.0, 10.0)
+    felt(track, replace(wrong, sf_B=wrong.sf_B * (accelerometer, 1.0, 1.0)))
+    return track, motion.between(10.0, 14.0)
+
+
+def test_turns_that_hold_carry_the_vertical_past_an_accelerometer_that_does_not() -> None:
+    track, after = contradicted(accelerometer=-1.0)
+    track.forget(turns_hold=True)
+    attitudes = felt(track, after)
+    assert all(attitude.status is Status.VALID for attitude in attitudes)
+    q_WB = np.array([so3.matrix_from_quaternion(attitude.q_WB) for attitude in attitudes])
+    errors_rad = np.linalg.norm(tilt_errors_W(q_WB, after.R_WB), axis=1)
+    assert np.degrees(errors_rad.max()) < 1.5
+    stated_rad = [math.sqrt(a.rotation_cov_W_rad2[0] + a.rotation_cov_W_rad2[3]) for a in attitudes]
+    assert (errors_rad < 3.0 * np.array(stated_rad)).all()
+
+
+def test_turns_carry_nothing_past_samples_that_are_missing() -> None:
+    track, after = contradicted(accelerometer=-1.0)
+    felt(track, after.between(1.0, 1.5))
+    track.forget(turns_hold=True)
+    assert felt(track, after.between(1.5, 1.6))[-1].status is not Status.VALID

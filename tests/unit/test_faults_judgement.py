@@ -130,6 +130,18 @@ def test_flag_recovery_and_counts_are_those_of_the_trial() -> None:
     assert found.worst_slope_deg == pytest.approx(math.degrees(0.01))
 
 
+def test_a_refusal_that_begins_at_an_edge_and_goes_on_behind_it_is_flagged_from_its_begin() -> None:
+    def at_an_edge(k: int, reason: Reason) -> Heard:
+        return heard(k, refused(reason))._replace(flag=False)
+
+    behind = [heard(k, refused(Reason.LOW_TEXTURE)) for k in range(8, 12)]
+    times = Times(5 * FRAME_NS - 1, 11 * FRAME_NS, 30 * FRAME_NS)
+    for first, flag_s in ((Reason.LOW_TEXTURE, 0.1), (Reason.NOT_PLANAR, 0.15)):
+        edge = [at_an_edge(6, Reason.NOT_PLANAR), at_an_edge(7, first)]
+        found = measure([heard(5), *edge, *behind], [], [], times, FLAGGED, passed_s)
+        assert found.flag_s == pytest.approx(flag_s)
+
+
 def test_an_invalid_attitude_is_a_flag_too() -> None:
     frames = [heard(k) for k in range(30)]
     times = Times(5 * FRAME_NS, 15 * FRAME_NS, 30 * FRAME_NS)
