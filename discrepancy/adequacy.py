@@ -28,8 +28,8 @@ _CHANCE = 0.01
 _MATERIAL = 0.01
 """Of the noise's power: what is predictable below that is the model's own numerical error."""
 _LEVEL = 1.3
-_LINE = 0.05
-"""Of a channel's whitened power: what one frequency alone does not hold in noise, however coloured."""
+_LINE = 0.25
+"""Of a channel's power over its running median: what one frequency alone does not hold in noise, however coloured."""
 _AROUND = 101
 """Bins of the periodogram that tell the level about a line."""
 _MOST_GROUPS = 3
@@ -246,11 +246,16 @@ def adequacy(problem: Problem, white: Whitening, probe: Probe, residual: FloatAr
 
 
 def _lines(residual: FloatArray) -> FloatArray:
-    """Return the periodogram (c, k) over its own running median: a filter of few lags would take a line for colour."""
+    """Return the periodogram (c, k) over its own running median: a filter of few lags would take a line for colour.
+
+    The lowest bins count nothing: the median there is not about them, and drift is no line.
+    """
     taper = np.hanning(residual.shape[1])
     power = np.abs(fft.rfft(residual * taper, axis=1)) ** 2
     level = median_filter(power, size=(1, _AROUND), mode="nearest")
-    return np.asarray(power / np.maximum(level, np.finfo(float).tiny), dtype=np.float64)
+    over: FloatArray = power / np.maximum(level, np.finfo(float).tiny)
+    over[:, : _AROUND // 2] = 0.0
+    return over
 
 
 def _at_lines(residual: FloatArray, lines: FloatArray, rows: BoolArray) -> FloatArray:

@@ -105,12 +105,16 @@ def noise_beneath(problem: Problem, residual: FloatArray, columns: FloatArray, r
     A filter estimated from the residual itself would take a missing effect for colour and swallow it; what is left
     beside the whole library is noise, if the effect is in the library and small enough to be linear.
     """
-    white = whitening(residual, problem.valid)
+    power = np.sum(residual**2 * problem.valid, axis=1) / np.maximum(problem.valid.sum(axis=1), 1)
+    plain = problem.valid / np.sqrt(np.where(power > 0.0, power, 1.0))[:, None]
+    white: Whitening | None = None
+    left = residual
     for _ in range(rounds if len(columns) else 0):
-        stack = np.stack([white(column).reshape(-1) for column in columns])
-        weight = ridge(stack @ stack.T, stack @ white(residual).reshape(-1))
-        white = whitening(residual - np.tensordot(weight, columns, axes=1), problem.valid)
-    return white
+        stack = np.stack([(column * plain if white is None else white(column)).reshape(-1) for column in columns])
+        e = (residual * plain if white is None else white(residual)).reshape(-1)
+        left = residual - np.tensordot(ridge(stack @ stack.T, stack @ e), columns, axes=1)
+        white = whitening(left, problem.valid)
+    return white or whitening(left, problem.valid)
 
 
 def ridge(gram: FloatArray, score: FloatArray) -> FloatArray:

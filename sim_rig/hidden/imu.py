@@ -82,8 +82,8 @@ PAIRS: Final = (
 )
 LOOK_ALIKES: Final = (
     ("time_offset", "clock_drift", "low_pass"),
-    ("gyro_bias", "gyro_bias_drift", "temperature"),
-    ("acc_scale", "gravity_magnitude"),
+    ("gyro_bias", "gyro_bias_drift", "temperature", "g_sensitivity"),
+    ("acc_bias", "acc_scale", "acc_misalignment", "gravity_magnitude"),
     ("frame_rotation", "gyro_misalignment", "acc_misalignment"),
 )
 

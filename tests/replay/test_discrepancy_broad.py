@@ -11,7 +11,7 @@ from sim_rig.systems.imu.broad import import_trial
 from sim_rig.systems.imu.recording import ImuRecording
 from tests.data_folder import shared_data
 
-ONLY = ("time_offset", "gyro_bias", "acc_bias", "acc_scale")
+ONLY = ("time_offset", "gyro_bias", "acc_scale", "lever_arm")
 SECONDS = 30.0
 
 
@@ -20,23 +20,26 @@ def fitted(recording: ImuRecording) -> dict[str, float]:
     return dict(explain(simulation, simulation, seed=1, only=ONLY).values_after)
 
 
+def planted(real: ImuRecording, sign: float) -> ImuRecording:
+    return replace(
+        real,
+        t_s=real.t_s + 0.006 * sign,
+        w_radps=real.w_radps + np.array((0.0, 0.02, 0.0)) * sign,
+        sf_mps2=real.sf_mps2 * (1.0 + np.array((0.0, 0.0, 0.02)) * sign),
+    )
+
+
 def test_an_effect_planted_into_a_real_trial_changes_its_parameter_by_its_size() -> None:
     real = stretch(trial(shared_data("broad"), "01"), 40.0, SECONDS)
-    planted = replace(
-        real,
-        t_s=real.t_s + 0.006,
-        w_radps=real.w_radps + np.array((0.0, 0.02, 0.0)),
-        sf_mps2=real.sf_mps2 * np.array((1.0, 1.0, 1.02)),
-    )
-    before, after = fitted(real), fitted(planted)
+    more, less = (fitted(planted(real, sign)) for sign in (1.0, -1.0))
     for key, size, tolerance in (
-        ("time_offset.value_s", 0.006, 2e-4),
-        ("gyro_bias.y_radps", 0.02, 1e-3),
-        ("acc_scale.z", 0.02, 2e-3),
+        ("time_offset.value_s", 0.006, 3e-4),
+        ("gyro_bias.y_radps", 0.02, 4e-4),
+        ("acc_scale.z", 0.02, 1e-3),
     ):
-        change = after.get(key, 0.0) - before.get(key, 0.0)
-        assert abs(change - size) < tolerance, (key, change)
-    assert 0.001 < before["time_offset.value_s"] < 0.008  # known from the turning rates alone: 4.3 ms
+        assert abs(0.5 * (more[key] - less[key]) - size) < tolerance, (key, more[key], less[key])
+    natural_s = 0.5 * (more["time_offset.value_s"] + less["time_offset.value_s"])
+    assert 0.002 < natural_s < 0.006  # known from the turning rates alone: 4.3 ms
 
 
 def test_a_trial_becomes_plain_files(tmp_path: Path) -> None:

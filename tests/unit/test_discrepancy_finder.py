@@ -118,6 +118,11 @@ def test_a_recording_alone_holds_its_last_part_out() -> None:
     assert found.held_out.channels.t_s[0] == fit.t_s[round(0.7 * _N)]
 
 
+def test_an_offset_far_above_the_noise_is_not_taken_for_its_colour() -> None:
+    found = explain(*(Rig(rig.path, rig.measured + np.array([0.0, 6.0])) for rig in rigs()), seed=1)
+    assert named(found) == ["offset"]
+
+
 def test_gaps_are_bridged() -> None:
     fit, held_out = rigs("delay")
     values = fit.measured.copy()

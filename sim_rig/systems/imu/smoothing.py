@@ -10,8 +10,8 @@ power S of the motion and N of the noise, that is the share
 What residuals are searched for (inputs) must hold no noise that the residual holds too: they end where S is 100 N.
 
 N0 is read where attitude and position hold nothing but noise, in the upper part of their band. Where the quietest
-stretches hold more, as with a reference that was smoothed before, N is that, up to eight times as much. One W serves the
-three axes and has no phase. See Carroll et al., Measurement Error in Nonlinear Models, 2006, ch. 3.
+stretches hold more, as with a reference that was smoothed before, N is that, up to eight times as much. One W serves
+the three axes and has no phase. See Carroll et al., Measurement Error in Nonlinear Models, 2006, ch. 3.
 """
 
 from dataclasses import dataclass

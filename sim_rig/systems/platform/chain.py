@@ -81,7 +81,7 @@ class Chain:
             raw[3:] += moment
         jumps = acting.get("aliasing", {})
         if jumps.get("share", 0.0) != 0.0:
-            raw += jumps["share"] * aliased(raw, self.band.rate_hz, jumps["update_hz"], jumps["offset_s"])
+            raw += jumps["share"] * aliased(raw, self.band, jumps["update_hz"], jumps["offset_s"])
         matrix = _matrix(acting)
         spectrum = self.band.spectrum(raw if matrix is None else matrix @ raw)
         delay_s, lag_s = (acting.get(name, {}).get("value_s", 0.0) for name in ("force_delay", "force_lag"))

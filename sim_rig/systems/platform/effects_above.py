@@ -96,6 +96,5 @@ def sampling(update_hz: float, offset_s: float) -> tuple[Effect, ...]:
             "filter: what lies above half the rate folds down. `offset_s` is the first jump after the first sample.",
             "Sample faster and filter before sampling, and smooth the torque.",
             "Repeat with the torque smoothed: the misfit at the jumps goes.",
-            choices=(("share",), ("share", "update_hz", "offset_s")),
         ),
     )

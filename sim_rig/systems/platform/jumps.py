@@ -1,11 +1,13 @@
 """A wrench that jumps, sampled without an anti-alias filter.
 
-Sampled as it is, a jump of Δ at t_j stands between two samples, wherever between them it was. To a band limit far below
-the sampling rate h⁻¹ that is a jump half way, and the difference from the true one is an impulse
+A jump of Δ at t_j = (p + s) h, between the samples p and p + 1 of a rate h⁻¹, is a sum over the samples behind it where
+band-limited sampling has an integral. With x = jωh the difference is, far below the rate,
 
-    Δ_j (t_j − (k_j − ½) h),   k_j the first sample after the jump                                                (1)
+    Δ e^(−x p) (1 / (eˣ − 1) − 1/x + s − s² x / 2! + s³ x² / 3! − s⁴ x³ / 4! …)                                   (1)
+    1 / (eˣ − 1) − 1/x = −1/2 + x / 12 − x³ / 720 …
 
-The jumps are told by the wrench that follows from the motion: Δ_j is the step of a line with a step, fitted around t_j.
+To first order that is an impulse Δ (s − 1/2). The jumps are told by the wrench that follows from the motion: Δ is the
+step of a line with a step, fitted around t_j.
 """
 
 from dataclasses import dataclass
@@ -13,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from impedance.body.rigid_body import Array
+from sim_rig.systems.platform.band import Band, ComplexArray
 
 _AROUND_S = np.array([-9e-3, -6.5e-3, -4e-3, 4e-3, 6.5e-3, 9e-3])
 _STEP = np.linalg.pinv(np.column_stack((np.ones(6), _AROUND_S, _AROUND_S > 0.0)))[2]
@@ -21,11 +24,13 @@ _FINER = 8
 _RESOLUTION_S = 2e-4
 _STEPS = 24
 _NOTHING = 1e-30
+_SERIES_SHARE = 0.3
+"""Of the rate: how far (1) is summed; beyond lies the band's limit."""
 
 
-def aliased(wrench: Array, rate_hz: float, update_hz: float, offset_s: float) -> Array:
+def aliased(wrench: Array, band: Band, update_hz: float, offset_s: float) -> Array:
     """Return by (1) what sampling adds to a wrench (6, n) that jumps every 1 / `update_hz` from `offset_s` on."""
-    n = wrench.shape[1]
+    n, rate_hz = wrench.shape[1], band.rate_hz
     margin_s = _AROUND_S[-1] + 1.0 / rate_hz
     first = np.ceil((margin_s - offset_s) * update_hz)
     last = np.floor(((n - 1) / rate_hz - margin_s - offset_s) * update_hz)
@@ -34,14 +39,22 @@ def aliased(wrench: Array, rate_hz: float, update_hz: float, offset_s: float) ->
     for weight, away_s in zip(_STEP, _AROUND_S, strict=True):
         jump += weight * _at(wrench, (t_j + away_s) * rate_hz)
     place = t_j * rate_hz
-    after = np.floor(place) + 1.0
-    impulse = jump * (place - after + 0.5)
     index = np.floor(place).astype(np.int64)
     part = place - index
-    added = np.zeros_like(wrench)
-    added[:, index] += (1.0 - part) * impulse
-    added[:, index + 1] += part * impulse
-    return added
+    x: ComplexArray = 2j * np.pi / rate_hz * np.where(band.f_hz < _SERIES_SHARE * rate_hz, band.f_hz, 0.0)
+    total = np.zeros((6, len(x)), dtype=np.complex128)
+    factors: list[ComplexArray] = [
+        -0.5 + x / 12.0 - x**3 / 720.0,
+        np.ones_like(x),
+        -x / 2.0,
+        x**2 / 6.0,
+        -(x**3) / 24.0,
+    ]
+    for power, factor in enumerate(factors):
+        train = np.zeros_like(wrench)
+        train[:, index] = jump * part**power
+        total += factor * band.spectrum(train)
+    return band.full(total)
 
 
 def rhythm(wrench: Array, left: Array, rate_hz: float) -> tuple[float, float]:

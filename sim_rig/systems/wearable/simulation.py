@@ -32,7 +32,7 @@ _POLYNOMIALS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), 
 _DISPARITY = ("mean", "x", "y", "xx", "xy", "yy", "xxx", "xxy", "xyy", "yyy")
 _LEAST_PATCHES = 16
 _DISPARITY_NOISE = (0.02, 0.008, 0.015, 0.0065, 0.007, 0.007, 0.004, 0.004, 0.004, 0.006)
-_PICTURE_NOISE = (0.02, 0.25)
+_PICTURE_NOISE = (0.02, 0.07)
 _TILT_NOISE = (5e-4, 5e-4, 8e-4, 8e-4)
 """What the rig's sound recordings left at most, RMS, seeds 1 and 5: a constant beyond it is an error, not noise."""
 _LOCKING_PX = -0.150
@@ -85,6 +85,8 @@ class WearableSimulation:
         self._theta = self._path.theta(self._stamp_s[:, None] + self._layout.centre_time_s)
         self._late = view.right_rows_late(self._scene, self._layout, 1.0)
         self._contrast = numbers.contrast - np.nanmedian(numbers.contrast)
+        self._ground_px = np.where(np.isfinite(self._scene.disparity_px), self._scene.disparity_px, 0.0)
+        self._level_px = self._ground_px.mean(axis=1, keepdims=True)
         self._operator = _operators(np.isfinite(numbers.misfit_px))
         sensed = tilt.Sensed.of(samples, calibration)
         grid_s = self._path.grid_s
@@ -118,12 +120,11 @@ class WearableSimulation:
 
         disparity = self._disparity(of) + values.get("matcher_offset_px", _OFFSET_PX)
         disparity = np.where(np.isfinite(disparity), disparity, 0.0)
-        columns = [np.einsum("nqp,np->nq", self._operator, disparity)]
+        columns = [self._coefficients(disparity - self._ground_px)]
         locking = np.full(len(self._stamp_s), _LOCKING_PX - _LOCKING_SEEN * of("pixel_locking", "amplitude_px"))
         exposed_s = self._exposure_s + of("motion_blur", "exposure_s")
         steepness = view.smeared(self._scene, exposed_s, _SHARP_PX)
-        steepness = steepness - np.nanmean(steepness)  # how steep the texture is by itself, nobody knows
-        columns.append(np.stack((locking, steepness), axis=-1))
+        columns.append(self._level_px + np.stack((locking, _change(steepness)), axis=-1))
         if self._tilt is not None:
             late_s = values.get("imu_late_s", 0.0)
             columns.append(self._tilted(self._tilt, of) + late_s * self._tilt.of_lateness)
@@ -164,6 +165,14 @@ class WearableSimulation:
             d = d + per_octave_px * self._contrast
         return d
 
+    def _coefficients(self, beside_px: FloatArray) -> FloatArray:
+        """Return (n, q): the ground's mean disparity plus each polynomial's share of `beside_px` (n, p).
+
+        So every channel varies as the walk does, and its relative error means something.
+        """
+        total: FloatArray = self._level_px + np.einsum("nqp,np->nq", self._operator, beside_px)
+        return total
+
     def _swing_C(self, hz: float, zeta: float) -> FloatArray:
         """Return (grid, 3): how the camera turns in its mount, δ̈ + 2ζω₀ δ̇ + ω₀² δ = −α, by the bilinear rule."""
         omega = 2.0 * math.pi * min(hz, 0.45 / GRID_S)
@@ -192,10 +201,9 @@ class WearableSimulation:
         at_stamp, rate = self._path.theta(self._stamp_s), self._path.theta(self._stamp_s, 1)
         base = at_stamp @ self._layout.centre_C.T + self._layout.centre_time_s * (rate @ self._layout.centre_C.T)
         base = np.where(np.isfinite(base), base, 0.0)  # as `pictures` has it, which measured against that
-        columns = [np.einsum("nqp,np->nq", self._operator, base + misfit)]
-        steepness = numbers.sharpness - np.nanmean(numbers.sharpness)
-        columns.append(np.stack((numbers.locking_px, steepness), axis=-1))
-        names = [f"disparity_{name}_px" for name in _DISPARITY] + ["locking_px", "steepness_octaves"]
+        columns = [self._coefficients(base + misfit - self._ground_px)]
+        columns.append(self._level_px + np.stack((numbers.locking_px, _change(numbers.sharpness)), axis=-1))
+        names = [f"disparity_{name}_px" for name in _DISPARITY] + ["locking_px", "steepening_octaves"]
         if self._tilt is not None:
             columns.append(self._tilt.reference + self._tilt.error)
             names += tilt.CHANNELS
@@ -229,6 +237,11 @@ def _places(headers: tuple[FrameHeader, ...]) -> tuple[NDArray[np.int64], int]:
     steps = np.maximum(np.rint(np.diff(stamps) / period), 1.0)
     place = np.concatenate(([0], np.cumsum(steps))).astype(np.int64)
     return place, int(place[-1]) + 1
+
+
+def _change(values: FloatArray) -> FloatArray:
+    """Return (n,) the change since the frame before: what a texture is like by itself changes slowly."""
+    return np.diff(values, prepend=np.nan)
 
 
 def _operators(seen: NDArray[np.bool_]) -> FloatArray:
