@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft
-from scipy.ndimage import median_filter
 
 from discrepancy.explanation import Adequacy
 from discrepancy.features import features
+from discrepancy.lines import strongest_line
 from discrepancy.problem import BoolArray, ComplexArray, Problem
 from discrepancy.simulation import FloatArray
 from discrepancy.whitening import Whitening
@@ -27,11 +27,8 @@ _MOST_SAMPLES = 6000
 _CHANCE = 0.01
 _MATERIAL = 0.01
 """Of the noise's power: what is predictable below that is the model's own numerical error."""
-_LEVEL = 1.3
-_LINE = 0.25
-"""Of a channel's power over its running median: what one frequency alone does not hold in noise, however coloured."""
-_AROUND = 101
-"""Bins of the periodogram that tell the level about a line."""
+LEVEL = 1.3
+"""Times the declared noise: what is left above that is no noise."""
 _MOST_GROUPS = 3
 
 
@@ -221,14 +218,12 @@ def adequacy(problem: Problem, white: Whitening, probe: Probe, residual: FloatAr
         reasons.append(
             f"{100.0 * float(found.share.max()):.1f} % of what is left in {most} follows from {', '.join(found.groups)}"
         )
-    lines = _lines(residual)
-    share = lines.max(axis=1) / np.maximum(lines.sum(axis=1), np.finfo(float).tiny)
-    if float(share.max()) >= _LINE:
-        row = int(np.argmax(share))
-        hz = float(np.argmax(lines[row])) * problem.rate_hz / problem.n
-        reasons.append(f"{problem.channels.names[row]}: a line at {hz:.2f} Hz holds {100.0 * share[row]:.0f} %")
-        found = replace(found, signal=found.signal + _at_lines(residual, lines, share >= _LINE))
-    if np.any(level > _LEVEL):
+    line = strongest_line(residual)
+    if line is not None:
+        name, hz = problem.channels.names[line.row], line.bin * problem.rate_hz / problem.n
+        reasons.append(f"{name}: a line at {hz:.2f} Hz holds {100.0 * line.share:.0f} %")
+        found = replace(found, signal=found.signal + line.signal)
+    if np.any(level > LEVEL):
         row = int(np.nanargmax(level))
         reasons.append(f"{problem.channels.names[row]}: {level[row]:.2f} times the declared noise is left")
     return (
@@ -243,27 +238,6 @@ def adequacy(problem: Problem, white: Whitening, probe: Probe, residual: FloatAr
         ),
         found,
     )
-
-
-def _lines(residual: FloatArray) -> FloatArray:
-    """Return the periodogram (c, k) over its own running median: a filter of few lags would take a line for colour.
-
-    The lowest bins count nothing: the median there is not about them, and drift is no line.
-    """
-    taper = np.hanning(residual.shape[1])
-    power = np.abs(fft.rfft(residual * taper, axis=1)) ** 2
-    level = median_filter(power, size=(1, _AROUND), mode="nearest")
-    over: FloatArray = power / np.maximum(level, np.finfo(float).tiny)
-    over[:, : _AROUND // 2] = 0.0
-    return over
-
-
-def _at_lines(residual: FloatArray, lines: FloatArray, rows: BoolArray) -> FloatArray:
-    """Return what of `residual` (c, n) lies at the highest line (and beside it) of these `rows`."""
-    bins = fft.rfft(residual, axis=1)
-    near = np.abs(np.arange(bins.shape[1]) - np.argmax(lines, axis=1)[:, None]) <= 1
-    out: FloatArray = fft.irfft(np.where(near & rows[:, None], bins, 0.0), residual.shape[1], axis=1)
-    return out
 
 
 def _whiteness(unit: FloatArray) -> FloatArray:

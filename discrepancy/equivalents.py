@@ -1,11 +1,7 @@
-"""Which causes the data cannot tell apart, and which stand on nothing."""
+"""Which causes the data cannot tell apart."""
 
-from collections.abc import Sequence
-from math import isfinite
-
-from discrepancy.fit import Fit, Intervals
+from discrepancy.fit import Fit
 from discrepancy.library import Candidate
-from discrepancy.problem import Problem
 from discrepancy.search import Search
 from discrepancy.verdict import MOST_EQUIVALENTS
 
@@ -35,21 +31,3 @@ def equivalents(
             other[name] = min(other.get(name, worse), worse)
     as_good = {name: {each: worse for worse, each in sorted(found)[:MOST_EQUIVALENTS]} for name, found in same.items()}
     return as_good, other
-
-
-def immaterial(problem: Problem, found: Intervals, causes: Sequence[Candidate], keys: Sequence[str]) -> list[str]:
-    """Return the causes none of whose parameters is surely further from neutral than its `scale`.
-
-    One with a parameter whose neutral value is infinite is judged by χ² alone.
-    """
-    out = []
-    for name in dict.fromkeys(each.effect for each in causes):
-        own = [key for key in keys if key.split(".")[0] == name]
-        sure = any(not isfinite(problem.parameters[key].neutral) for key in own)
-        for key in own:
-            p = problem.parameters[key]
-            low, high = found.of(key)
-            sure = sure or low > p.neutral + p.scale or high < p.neutral - p.scale
-        if not sure:
-            out.append(name)
-    return out

@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from discrepancy.adequacy import Predictable, Probe, adequacy
-from discrepancy.equivalents import equivalents, immaterial
+from discrepancy.equivalents import equivalents
 from discrepancy.explanation import Adequacy, Evidence, Explanation, Spectrum, Status, View
-from discrepancy.fit import Fit, Intervals, columns_of, intervals
+from discrepancy.fit import Fit, Intervals
 from discrepancy.gain import gain
 from discrepancy.library import Candidate
+from discrepancy.material import intervals_of, kept
 from discrepancy.problem import Part, Problem
 from discrepancy.scores import PENALTY, probability, threshold
 from discrepancy.search import Found, Search
@@ -46,7 +47,10 @@ def explain(fit: Simulation, held_out: Simulation | None, *, seed: int, only: tu
     problem, other = Problem(trained), Problem(held)
     search = Search(problem, only or known, seed)
     found = search.forced(only) if only else search.found()
-    told = _material(problem, search, found) if not only else _told(problem, found, found.best, found.causes)
+    best, causes, interval = (
+        (found.best, found.causes, intervals_of(problem, found.best)) if only else kept(problem, other, search, found)
+    )
+    told = _Told(found.base, best, causes, intervals_of(problem, found.base), interval)
     before, after, views = _judged(problem, other, told, seed)
     return _explained(problem, search, found, told, before, after, views, held_out is not None, seed, forced=bool(only))
 
@@ -71,31 +75,6 @@ class _Views:
     structured_before: Predictable
     structured_after: Predictable
     gain: Gain
-
-
-def _told(problem: Problem, found: Found, best: Fit, causes: tuple[Candidate, ...]) -> _Told:
-    return _Told(found.base, best, causes, _intervals(problem, found.base), _intervals(problem, best))
-
-
-def _intervals(problem: Problem, fit: Fit) -> Intervals:
-    """Return the intervals of a fit, under the noise that its own residual tells."""
-    white = whitening(fit.residual, problem.valid)
-    rated = replace(fit, chi2=float(np.sum(white(fit.residual) ** 2)))
-    return intervals(problem, white, rated, columns_of(problem, fit.values, (*problem.base, *fit.keys)))
-
-
-def _material(problem: Problem, search: Search, found: Found) -> _Told:
-    """Return what is left of the found causes when those are gone that are not surely larger than their scale."""
-    best, causes = found.best, found.causes
-    while causes:
-        interval = _intervals(problem, best)
-        small = immaterial(problem, interval, causes, best.keys)
-        if not small:
-            return _Told(found.base, best, causes, _intervals(problem, found.base), interval)
-        cause = next(each for each in reversed(causes) if each.effect in small)
-        causes = tuple(each for each in causes if each.effect != cause.effect)
-        best = search.without(best, cause) if causes else found.base
-    return _told(problem, found, best, causes)
 
 
 def _judged(problem: Problem, other: Problem, told: _Told, seed: int) -> tuple[Adequacy, Adequacy, _Views]:

@@ -7,35 +7,32 @@ any more.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from discrepancy.fit import MOST_STEPS, Fit, Fitter, base_fit, columns_of
-from discrepancy.library import Candidate, Library, library, noise_beneath
+from discrepancy.fit import Fit
+from discrepancy.library import Candidate, Library
 from discrepancy.problem import Problem
-from discrepancy.scores import (
-    PENALTY,
-    Products,
-    chance_maximum,
-    drops,
-    inflation_of,
-    pairs,
-    products,
-    threshold,
-)
+from discrepancy.refits import Refits
+from discrepancy.scores import Products, chance_maximum, drops, inflation_of, pairs, threshold
 from discrepancy.simulation import FloatArray
-from discrepancy.whitening import Whitening, whitening
+from discrepancy.whitening import Whitening
 
-_BASE_ROUNDS = 2
-_SHORT = 8
+_SHORT = 6
+"""Of neutral candidates, and as many of started ones, that are refitted alone."""
 _SHORT_JOINT = 5
 _LEADING = 10
 _FIRST_STEPS = 3
 _FINISHED = 3
 _NEAR = 0.4
 _MOST_CAUSES = 3
-_OTHER_COLOUR = 0.01
+_FULFILLED = 0.1
+"""Of a started candidate's linear score, which is only a promise: a refit that gains less tells nothing of the effect's
+other starts."""
+_MOST_STARTED = 12
+_OF_EXCESS = 0.03
+"""Of the excess that is left: what a further cause must remove. Less may be the first ones' own inexactness."""
 
 
 @dataclass(frozen=True)
@@ -64,31 +61,12 @@ class Found:
     library: Library
 
 
-def base_of(problem: Problem) -> tuple[Fit, FloatArray]:
-    """Return the base model's fit, whitened by its own residual, and its columns (q, c, n) there."""
-    values = problem.start()
-    residual = problem.residual(values)
-    columns = np.zeros((0, problem.c, problem.n))
-    white = whitening(residual, problem.valid)
-    found = Fit(values, residual, 0.0, ())
-    for _ in range(_BASE_ROUNDS if problem.base else 0):
-        columns = columns_of(problem, found.values, problem.base)
-        found = base_fit(problem, white, found.values, columns)
-        white = whitening(found.residual, problem.valid)
-    return found, columns
-
-
-class Search:
+class Search(Refits):
     """One search, with what it shares between steps."""
 
     def __init__(self, problem: Problem, names: Sequence[str], seed: int) -> None:
-        self._problem = problem
+        super().__init__(problem, names)
         self._rng = np.random.default_rng(seed)
-        base, columns = base_of(problem)
-        self._library = library(problem, base.values, columns, tuple(names))
-        base = replace(base, residual=problem.residual(base.values))
-        self._use(noise_beneath(problem, base.residual, self._library.columns))
-        self._base = self._fitter.fit(base.values, (), steps=3) if problem.base else self._rated(base)
 
     def found(self) -> Found:
         """Return what the recording needs."""
@@ -115,7 +93,9 @@ class Search:
         left = list(dict.fromkeys(names))
         while left:
             proposals = []
-            for candidate, _ in self._ranked(best, [c for c in self._library.candidates if c.effect in left])[:_SHORT]:
+            for candidate, _ in self._ranked(best, [c for c in self._library.candidates if c.effect in left])[
+                :_LEADING
+            ]:
                 fit = self._joined(best, candidate)
                 proposals.append((fit.chi2 + self._price(fit.keys), fit, candidate))
             _, best, candidate = min(proposals, key=lambda each: each[0])
@@ -160,16 +140,12 @@ class Search:
         """Return the fit without one cause."""
         return self._without(best, cause)
 
-    @property
-    def base_columns(self) -> FloatArray:
-        """Return the base model's columns (q, c, n)."""
-        return self._library.columns[: self._q]
-
     def _grown(
         self, best: Fit, causes: tuple[Candidate, ...], at_base: Products, singles: Sequence[Single], least: float
     ) -> tuple[Fit, tuple[Candidate, ...]]:
         problem = self._problem
-        couples = pairs([single.candidate for single in singles[:_LEADING]], self._library.candidates)
+        leading = [each.candidate for each in singles if each.fit is not None or each.candidate.offset is None]
+        couples = pairs(leading[:_LEADING], self._library.candidates)
         linear = drops(problem, at_base, couples, self._q, self._base.values)
         price = np.array([self._price(a.keys + b.keys) for a, b in couples])
         order = np.argsort(price - linear)
@@ -182,7 +158,8 @@ class Search:
                     proposals.append((self._joined(best, candidate, _FIRST_STEPS), (*causes, candidate)))
             if len(causes) == 1:
                 proposals += self._pairs_from_base(couples, order, best, least, linear - price)
-            improved = self._best_of(proposals, best, at_base, least)
+            material = _OF_EXCESS * max(best.chi2 - self.white.count, 0.0)
+            improved = self._best_of(proposals, best, at_base, max(least, material))
             if improved is None:
                 return best, causes
             best, causes = self._swapped(*improved)
@@ -227,27 +204,12 @@ class Search:
             return None
         ranked = sorted(proposals, key=lambda each: each[0].chi2 + self._price(each[0].keys))[:_FINISHED]
         finished = [(self._fitter.fit(fit.values, fit.keys), causes) for fit, causes in ranked]
-        fit, causes = min(finished, key=lambda each: each[0].chi2 + self._price(each[0].keys))
-        price = self._price(fit.keys) - self._price(best.keys)
-        surely = (best.chi2 - fit.chi2) / inflation_of(at_base, causes, self._q) - price > least
-        return (fit, causes) if surely and self._likelier(fit, best) else None
-
-    def _matters(self, fit: Fit, cause: Candidate) -> bool:
-        """Return whether a parameter of a cause is further from neutral than its scale, or has no finite neutral."""
-        for key in cause.keys:
-            p = self._problem.parameters[key]
-            if not abs(fit.values.get(key, p.neutral) - p.neutral) <= p.scale:
-                return True
-        return False
-
-    def _likelier(self, fit: Fit, than: Fit) -> bool:
-        """Return whether a fit pays for its parameters also under the noise that its own residual tells.
-
-        What is beneath the whole library may be taken for less than the noise is, where the library is large.
-        """
-        own = whitening(fit.residual, self._problem.valid)
-        fell = float(np.sum(own(than.residual) ** 2) - np.sum(own(fit.residual) ** 2))
-        return fell > self._price(fit.keys) - self._price(than.keys)
+        for fit, causes in sorted(finished, key=lambda each: each[0].chi2 + self._price(each[0].keys)):
+            price = self._price(fit.keys) - self._price(best.keys)
+            surely = (best.chi2 - fit.chi2) / inflation_of(at_base, causes, self._q) - price > least
+            if surely and self._likelier(fit, best):
+                return fit, causes
+        return None
 
     def _swapped(self, best: Fit, causes: tuple[Candidate, ...]) -> tuple[Fit, tuple[Candidate, ...]]:
         for place, candidate, fit in self.rivals(best, causes, 2):
@@ -265,23 +227,11 @@ class Search:
         return best, causes
 
     def _singles(self, found: Products) -> tuple[Single, ...]:
-        """Return all candidates alone, the best few of them refitted, two starts or choices of an effect at most."""
-        problem, candidates = self._problem, self._library.candidates
-        drop = drops(problem, found, [(each,) for each in candidates], self._q, self._base.values)
-        worth = drop - np.array([self._price(each.keys) for each in candidates])
-        refits: dict[int, Fit] = {}
-        counts: dict[str, int] = {}
+        """Return all candidates alone, the best few neutral ones and the best few started ones refitted."""
+        candidates = self._library.candidates
+        drop = drops(self._problem, found, [(each,) for each in candidates], self._q, self._base.values)
+        refits = self._refitted(drop - np.array([self._price(each.keys) for each in candidates]))
         base = self._rated(self._base)
-        for index in np.argsort(-worth):
-            each = candidates[index]
-            if len(refits) >= _SHORT or (refits and worth[index] < _NEAR * max(worth.max(), 0.0)):
-                break
-            counts[each.effect] = counts.get(each.effect, 0) + 1
-            if counts[each.effect] <= 2:
-                refits[int(index)] = self._joined(self._base, each, _FIRST_STEPS)
-        refits = {index: fit for index, fit in refits.items() if self._matters(fit, candidates[index])}
-        for index in sorted(refits, key=lambda k: refits[k].chi2 + self._price(refits[k].keys))[:_FINISHED]:
-            refits[index] = self._fitter.fit(refits[index].values, refits[index].keys)
         singles = []
         for index, each in enumerate(candidates):
             fit = refits.get(index)
@@ -289,69 +239,33 @@ class Search:
             singles.append(Single(each, gained, fit))
         return tuple(sorted(singles, key=lambda each: self._price(each.candidate.keys) - each.drop))
 
-    def _ranked(self, fit: Fit, candidates: Sequence[Candidate]) -> list[tuple[Candidate, float]]:
-        """Return candidates with their linear drop beside a fit, the best penalised first."""
-        if not candidates:
-            return []
-        found = self._products(fit, fit.keys)
-        drop = drops(self._problem, found, [(each,) for each in candidates], self._q, fit.values)
-        worth = drop - np.array([self._price(each.keys) for each in candidates])
-        return [(candidates[k], float(drop[k])) for k in np.argsort(-worth)]
+    def _refitted(self, worth: FloatArray) -> dict[int, Fit]:
+        """Return refits by index of the candidates whose linear `worth` comes near the best, two of an effect at most.
 
-    def _wider(self, causes: tuple[Candidate, ...]) -> list[Candidate]:
-        """Return what further choices of the causes' effects would add to them."""
-        out = []
-        for effect in dict.fromkeys(each.effect for each in causes):
-            held = {key for each in causes if each.effect == effect for key in each.keys}
-            allowed = [set(c.keys) for c in self._library.candidates if c.effect == effect]
-            for c in self._library.candidates:
-                new = [key for key in c.keys if key not in held]
-                if c.effect == effect and new and any(held | set(new) <= each for each in allowed):
-                    rows = tuple(row for key, row in zip(c.keys, c.columns, strict=True) if key in new)
-                    start = {key: value for key, value in c.start.items() if key in new}
-                    choice = tuple(p for p, key in zip(c.choice, c.keys, strict=True) if key in new)
-                    out.append(Candidate(effect, choice, tuple(new), start, rows, c.offset if start else None))
-        return out
-
-    def _joined(self, fit: Fit, candidate: Candidate, steps: int = MOST_STEPS) -> Fit:
-        keys = tuple(dict.fromkeys((*fit.keys, *candidate.keys)))
-        return self._fitter.fit({**fit.values, **candidate.start}, keys, steps)
-
-    def _without(self, best: Fit, cause: Candidate) -> Fit:
-        keys = tuple(key for key in best.keys if key.split(".")[0] != cause.effect)
-        values = {key: value for key, value in best.values.items() if key.split(".")[0] != cause.effect}
-        return self._fitter.fit(values, keys)
-
-    def _recoloured(self, best: Fit) -> Fit:
-        """Whiten anew where the colour of what is left differs, and return the fit under it."""
-        own = whitening(best.residual, self._problem.valid)
-        e_own, e_now = own(best.residual), self.white(best.residual)
-        told = own.log_det + float(np.sum(e_own**2))
-        now = self.white.log_det * own.count / self.white.count + float(np.sum(e_now**2))
-        if now - told < _OTHER_COLOUR * own.count:
-            return best
-        columns = np.concatenate((self._library.columns, columns_of(self._problem, best.values, best.keys)))
-        self._use(noise_beneath(self._problem, best.residual, columns, rounds=1))
-        return self._fitter.fit(best.values, best.keys, steps=4)
-
-    def _use(self, white: Whitening) -> None:
-        self.white = white
-        self._stack = self._library.whitened(white)
-        self._fitter = Fitter(self._problem, white, self.base_columns)
-
-    def _products(self, fit: Fit, keys: Sequence[str]) -> Products:
-        extra = None
-        if keys:
-            raw = columns_of(self._problem, fit.values, keys)
-            extra = np.stack([self.white(column).reshape(-1) for column in raw])
-        return products(self._stack, self._q, self.white(fit.residual).reshape(-1), self._problem.n, extra)
-
-    def _rated(self, fit: Fit) -> Fit:
-        return replace(fit, chi2=float(np.sum(self.white(fit.residual) ** 2)))
-
-    @property
-    def _q(self) -> int:
-        return self._library.base
-
-    def _price(self, keys: Sequence[str]) -> float:
-        return PENALTY * len(keys)
+        A started candidate's linear worth is no measure for others: the measure is what refits gain.
+        """
+        candidates = self._library.candidates
+        base = self._rated(self._base).chi2
+        order = [int(index) for index in np.argsort(-worth)]
+        refits: dict[int, Fit] = {}
+        reached = 0.0
+        for started in (False, True):
+            counts: dict[str, int] = {}
+            tried = 0
+            for index in order:
+                each = candidates[index]
+                if (each.offset is not None) != started or counts.get(each.effect, 0) >= 2:
+                    continue
+                enough = sum(counts.values()) >= _SHORT or tried >= _MOST_STARTED
+                if enough or (tried and worth[index] < _NEAR * reached):
+                    break
+                tried += 1
+                refits[index] = self._joined(self._base, each, _FIRST_STEPS)
+                gained = base - refits[index].chi2 - self._price(each.keys)
+                reached = max(reached, gained)
+                if not started or gained > _FULFILLED * worth[index]:
+                    counts[each.effect] = counts.get(each.effect, 0) + 1
+        refits = {index: fit for index, fit in refits.items() if self._matters(fit, candidates[index])}
+        for index in sorted(refits, key=lambda k: refits[k].chi2 + self._price(refits[k].keys))[:_FINISHED]:
+            refits[index] = self._fitter.fit(refits[index].values, refits[index].keys)
+        return refits
