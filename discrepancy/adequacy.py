@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft
+from scipy.special import gammaincinv
 
 from discrepancy.explanation import Adequacy
 from discrepancy.features import features
@@ -20,6 +21,9 @@ from discrepancy.simulation import FloatArray
 from discrepancy.whitening import Whitening
 
 _STRETCHES = 40
+_LEAST_STRETCHES = 10
+_LEAST_LENGTH = 10
+"""Samples of a stretch: in a shorter one neighbours' random signs would break the noise's own colour too."""
 _FOLDS = 5
 _DRAWS = 150
 _RIDGES = (0.01, 0.3)
@@ -29,6 +33,7 @@ _MATERIAL = 0.01
 """Of the noise's power: what is predictable below that is the model's own numerical error."""
 LEVEL = 1.3
 """Times the declared noise: what is left above that is no noise."""
+_LEVEL_CHANCE = 0.001
 _MOST_GROUPS = 3
 
 
@@ -64,6 +69,7 @@ class Probe:
         self._reach = min(white.reach, self._n - 1)
         self._padded = fft.next_fast_len((self._n + self._reach + 1) // 2, real=True) * 2
         self._response = fft.rfft(white.kernels[:, : self._reach + 1], self._padded, axis=1)
+        self._stretches = int(np.clip(self._n // _LEAST_LENGTH, _LEAST_STRETCHES, _STRETCHES))
         self._points = self._band(groups)
         spacing = self._padded / self._points
         at = np.arange(self._points) * spacing - self._reach
@@ -71,11 +77,13 @@ class Probe:
         self._at = at[self._inside]
         kept = problem.valid[:, np.round(self._at).astype(int)]
         self._kept: BoolArray = kept
-        self._stretch = np.minimum((self._at * _STRETCHES / self._n).astype(int), _STRETCHES - 1)
-        self._edges = np.searchsorted(self._stretch, np.arange(_STRETCHES + 1))
+        self._stretch = np.minimum((self._at * self._stretches / self._n).astype(int), self._stretches - 1)
+        self._edges = np.searchsorted(self._stretch, np.arange(self._stretches + 1))
         self._groups = [self._group(name, raw) for name, raw in groups.items()]
         rng = np.random.default_rng(seed)
-        self._signs = np.concatenate((np.ones((1, _STRETCHES)), rng.choice((-1.0, 1.0), (_DRAWS, _STRETCHES))))
+        self._signs = np.concatenate(
+            (np.ones((1, self._stretches)), rng.choice((-1.0, 1.0), (_DRAWS, self._stretches)))
+        )
 
     def predictable(self, residual: FloatArray) -> Predictable:
         """Return what of `residual` (c, n) follows from the inputs."""
@@ -123,7 +131,7 @@ class Probe:
         )
         size = np.sqrt(np.maximum((white**2).mean(axis=2, keepdims=True), np.finfo(float).tiny))
         white /= size
-        gram = np.empty((_STRETCHES, self._c, len(raw), len(raw)))
+        gram = np.empty((self._stretches, self._c, len(raw), len(raw)))
         for row, (a, b) in enumerate(zip(self._edges[:-1], self._edges[1:], strict=True)):
             part = white[:, :, a:b]
             gram[row] = part @ part.transpose(0, 2, 1)
@@ -164,8 +172,8 @@ class Probe:
         flips.
         """
         out = np.zeros((len(_RIDGES), self._c, len(self._signs)))
-        fold = np.arange(_STRETCHES) % _FOLDS
-        whole = self._flipped(scores, np.ones(_STRETCHES, bool), self._signs)
+        fold = np.arange(self._stretches) % _FOLDS
+        whole = self._flipped(scores, np.ones(self._stretches, bool), self._signs)
         gram_whole = group.gram.sum(axis=0)
         for k in range(_FOLDS):
             z = self._flipped(scores, fold == k, self._signs)
@@ -187,11 +195,11 @@ class Probe:
         scores = self._scores(residual, group)
         e = self._white(residual, self._response) * self._kept
         level = np.sqrt((e**2).sum(axis=1) / np.maximum(self._kept.sum(axis=1), 1))
-        fold = np.minimum(np.arange(self._n) * _STRETCHES // self._n, _STRETCHES - 1) % _FOLDS
+        fold = np.minimum(np.arange(self._n) * self._stretches // self._n, self._stretches - 1) % _FOLDS
         out = np.zeros_like(residual)
-        ones = np.ones((1, _STRETCHES))
+        ones = np.ones((1, self._stretches))
         for k in range(_FOLDS):
-            train = np.arange(_STRETCHES) % _FOLDS != k
+            train = np.arange(self._stretches) % _FOLDS != k
             z = self._flipped(scores, train, ones)
             weights = self._weights(z, group.gram[train].sum(axis=0), ridge_)[:, :, 0]
             here = fold == k
@@ -212,19 +220,18 @@ def adequacy(problem: Problem, white: Whitening, probe: Probe, residual: FloatAr
     rms = np.sqrt((residual**2 * problem.valid).sum(axis=1) / np.maximum(problem.valid.sum(axis=1), 1))
     known = problem.channels.noise_std
     level = rms / known if known is not None else np.full(problem.c, np.nan)
+    most = LEVEL * _level_by_chance(problem, white)
     reasons = []
     if found.groups and float(found.share.max()) >= _MATERIAL:
-        most = problem.channels.names[int(np.argmax(found.share))]
-        reasons.append(
-            f"{100.0 * float(found.share.max()):.1f} % of what is left in {most} follows from {', '.join(found.groups)}"
-        )
+        where, told = problem.channels.names[int(np.argmax(found.share))], ", ".join(found.groups)
+        reasons.append(f"{100.0 * float(found.share.max()):.1f} % of what is left in {where} follows from {told}")
     line = strongest_line(residual)
     if line is not None:
         name, hz = problem.channels.names[line.row], line.bin * problem.rate_hz / problem.n
         reasons.append(f"{name}: a line at {hz:.2f} Hz holds {100.0 * line.share:.0f} %")
         found = replace(found, signal=found.signal + line.signal)
-    if np.any(level > LEVEL):
-        row = int(np.nanargmax(level))
+    if np.any(level > most):
+        row = int(np.nanargmax(level / most))
         reasons.append(f"{problem.channels.names[row]}: {level[row]:.2f} times the declared noise is left")
     return (
         Adequacy(
@@ -237,6 +244,21 @@ def adequacy(problem: Problem, white: Whitening, probe: Probe, residual: FloatAr
             reasons=tuple(reasons),
         ),
         found,
+    )
+
+
+def _level_by_chance(problem: Problem, white: Whitening) -> FloatArray:
+    """Return by how much the level (c,) of noise as coloured as this may exceed the declared one, in one recording of a
+    thousand.
+
+    The mean square of n samples with the power density S is about χ² with n (∫ S)² / ∫ S² degrees of freedom: the
+    slower the noise, the fewer.
+    """
+    density = 1.0 / np.maximum(np.abs(white.response) ** 2, np.finfo(float).tiny)
+    count = problem.valid.sum(axis=1)
+    freedom = np.maximum(count * density.mean(axis=1) ** 2 / (density**2).mean(axis=1), 1.0)
+    return np.asarray(
+        np.sqrt(2.0 / freedom * gammaincinv(0.5 * freedom, 1.0 - _LEVEL_CHANCE / problem.c)), dtype=np.float64
     )
 
 

@@ -49,7 +49,7 @@ def strongest_line(residual: FloatArray) -> Line | None:
     around = min(_MOST_AROUND, power.shape[1] // _PERIODOGRAM_SHARE)
     if around < _LEAST_AROUND:
         return None
-    level = median_filter(power, size=(1, around), mode="nearest")
+    level = median_filter(power, size=(1, around), mode="reflect")
     over = power / np.maximum(level, np.finfo(float).tiny)
     over[:, : max(around // 2, _LEAST_CYCLES)] = 0.0
     share = over.max(axis=1) / np.maximum(over.sum(axis=1), np.finfo(float).tiny)

@@ -81,18 +81,23 @@ def deciding(problem: Problem, fit: Fit, name: str) -> list[str]:
 def _elsewhere_false(other: Problem, search: Search, best: Fit, causes: tuple[Candidate, ...]) -> list[str]:
     """Return those of several causes, the most useless last, that do not pay on the recording held out.
 
-    Each is held against the fit without it, both frozen.
+    Each is held against the fit without it, both frozen, both under the noise that their own residuals tell: the noise
+    of either would favour it.
     """
     named = {each.effect: each for each in causes}
     if len(named) < 2:
         return []
-    residual = other.residual(best.values)
-    white = whitening(residual, other.valid)
-    chi2 = float(np.sum(white(residual) ** 2))
-    paid: list[tuple[float, str]] = []
+    told = _minus_2_log_likelihood(other, best)
+    useless: list[tuple[float, str]] = []
     for name, cause in named.items():
         without = search.without(best, cause)
-        rise = float(np.sum(white(other.residual(without.values)) ** 2)) - chi2
+        rise = _minus_2_log_likelihood(other, without) - told
         if rise < _CHANCE * (len(best.keys) - len(without.keys)):
-            paid.append((rise, name))
-    return [name for _, name in sorted(paid, reverse=True)]
+            useless.append((rise, name))
+    return [name for _, name in sorted(useless, reverse=True)]
+
+
+def _minus_2_log_likelihood(other: Problem, fit: Fit) -> float:
+    residual = other.residual(fit.values)
+    white = whitening(residual, other.valid)
+    return white.log_det + float(np.sum(white(residual) ** 2))

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from messages.errors import UserError
 from sim_rig.hidden.imu import EFFECTS
-from sim_rig.hidden.imu_motion import Motion, hand_moved, swung
-from sim_rig.hidden.imu_sensor import Unit, readings
+from sim_rig.hidden.imu.motion import Motion, hand_moved, swung
+from sim_rig.hidden.imu.sensor import Unit, readings
 from sim_rig.systems.imu import load
 from sim_rig.systems.imu.motion import reading_of
 from sim_rig.systems.imu.recording import IMU_FILE, REFERENCE_FILE, ImuRecording

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from impedance.body.rigid_body import Array, Inertia
 from impedance.recording.recording import PlatformRecording, Poses
 from messages.errors import UserError
-from sim_rig.hidden import platform as hidden_platform
-from sim_rig.hidden.platform_drawn import CHANNELS, Hidden
-from sim_rig.hidden.platform_instruments import followed
-from sim_rig.hidden.platform_mechanics import ran
-from sim_rig.hidden.platform_noise import PlateNoise
-from sim_rig.hidden.platform_scene import SPAN_NM, Scene, stepped
+from sim_rig.hidden.platform import cases as hidden_platform
+from sim_rig.hidden.platform.drawn import CHANNELS, Hidden
+from sim_rig.hidden.platform.instruments import followed
+from sim_rig.hidden.platform.mechanics import ran
+from sim_rig.hidden.platform.noise import PlateNoise
+from sim_rig.hidden.platform.scene import SPAN_NM, Scene, stepped
 from sim_rig.systems.platform import load
 from sim_rig.systems.platform.sensor import lattice, rounded, with_play
 from sim_rig.systems.platform.simulation import BODY, PlatformSimulation

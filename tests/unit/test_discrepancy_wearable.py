@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from messages.errors import UserError
 from sim_rig.hidden.case import Case, Kind
 from sim_rig.hidden.wearable import EFFECTS, LOOK_ALIKES, OUTSIDE, PAIRS, SIZES
-from sim_rig.hidden.wearable_physics import hidden
-from sim_rig.hidden.wearable_stage import write_recording
-from sim_rig.hidden.wearable_walk import draw_nuisance, sound_stage, sound_unit
+from sim_rig.hidden.wearable.physics import hidden
+from sim_rig.hidden.wearable.stage import write_recording
+from sim_rig.hidden.wearable.walk import draw_nuisance, sound_stage, sound_unit
 from sim_rig.systems.wearable import load, view
 from sim_rig.systems.wearable.effects import library
 from sim_rig.systems.wearable.simulation import WearableSimulation

@@ -18,17 +18,17 @@ from impedance.body import geometry
 from impedance.body.kinematics import Kinematics
 from impedance.body.rigid_body import Array
 from messages.errors import UserError
-from sim_rig.platform import tables_hypotheses, tables_search, tables_signals
 from sim_rig.platform.excitation import random_steps
 from sim_rig.platform.model import SENSORS, model_of
-from sim_rig.platform.printed import FOOT
 from sim_rig.platform.rig import FOOT as FOOT_BODY
 from sim_rig.platform.rig import Rig
 from sim_rig.platform.run import RunSettings, measured, simulate
-from sim_rig.platform.tables_causes import CAUSES, changed
-from sim_rig.platform.tables_hypotheses import CELLS, PINNED, Misfit, Sizes, Study, printed_cells, tolerances
-from sim_rig.platform.tables_signals import Signals
-from sim_rig.platform.tables_verdict import Effort, judged
+from sim_rig.thesis import hypotheses, search, signals
+from sim_rig.thesis.causes import CAUSES, changed
+from sim_rig.thesis.hypotheses import CELLS, PINNED, Misfit, Sizes, Study, printed_cells, tolerances
+from sim_rig.thesis.printed import FOOT
+from sim_rig.thesis.signals import Signals
+from sim_rig.thesis.verdict import Effort, judged
 
 SHORT_S = 4.0
 
@@ -64,14 +64,14 @@ def test_filters_do_what_their_names_say() -> None:
     wave = np.sin(2 * np.pi * 7.0 * t_s)[:, None]
     inside = slice(300, -300)
     late = np.sin(2 * np.pi * 7.0 * (t_s - 0.0031))[:, None]
-    np.testing.assert_allclose(tables_signals.delayed(wave, 0.0031)[inside], late[inside], atol=1e-3)
+    np.testing.assert_allclose(signals.delayed(wave, 0.0031)[inside], late[inside], atol=1e-3)
     np.testing.assert_allclose(
-        np.abs(tables_signals.smoothed(wave, 1 / 7.0)[inside]).max(), 0.5, atol=1e-3
+        np.abs(signals.smoothed(wave, 1 / 7.0)[inside]).max(), 0.5, atol=1e-3
     )  # half at the cut-off, forward and back
     gain = 1.0 / np.hypot(1.0, 2 * np.pi * 7.0 * 0.01)
-    np.testing.assert_allclose(np.abs(tables_signals.lagged(wave, 0.01)[inside]).max(), gain, atol=2e-3)
+    np.testing.assert_allclose(np.abs(signals.lagged(wave, 0.01)[inside]).max(), gain, atol=2e-3)
     ahead = np.sin(2 * np.pi * 7.0 * (5.0 + (t_s - 5.0) / 1.001))[:, None]
-    np.testing.assert_allclose(tables_signals.drifted(wave, 1e-3)[inside], ahead[inside], atol=5e-3)
+    np.testing.assert_allclose(signals.drifted(wave, 1e-3)[inside], ahead[inside], atol=5e-3)
 
 
 def test_play_and_held_samples_equal_their_loops() -> None:
@@ -82,7 +82,7 @@ def test_play_and_held_samples_equal_their_loops() -> None:
     for sample in x:
         y = np.clip(y, sample - half, sample + half)
         expected.append(y)
-    np.testing.assert_allclose(tables_signals.with_play(x, half), expected, atol=1e-12)
+    np.testing.assert_allclose(signals.with_play(x, half), expected, atol=1e-12)
 
     lost = rng.random(400) < 0.3
     lost[0] = False
@@ -90,7 +90,7 @@ def test_play_and_held_samples_equal_their_loops() -> None:
     for sample, gone in zip(x, lost, strict=True):
         last = last if gone else sample
         kept.append(last)
-    np.testing.assert_array_equal(tables_signals.held(x, lost), kept)
+    np.testing.assert_array_equal(signals.held(x, lost), kept)
 
 
 def test_every_cause_is_nothing_at_its_neutral_size_and_something_at_its_ends(loaded: Signals) -> None:
@@ -118,8 +118,8 @@ def test_every_cause_is_nothing_at_its_neutral_size_and_something_at_its_ends(lo
 def test_a_stiff_tape_is_no_tape_and_a_soft_one_amplifies(loaded: Signals) -> None:
     rigid = loaded.wrench[:, 5]
     for axis, channel in ((2, 5), (0, 3)):
-        stiff = tables_signals.on_rocking_tape(loaded, axis, 1e-3, 0.1, seen=False).wrench
-        soft = tables_signals.on_rocking_tape(loaded, axis, 1 / 40.0, 0.1, seen=False).wrench
+        stiff = signals.on_rocking_tape(loaded, axis, 1e-3, 0.1, seen=False).wrench
+        soft = signals.on_rocking_tape(loaded, axis, 1 / 40.0, 0.1, seen=False).wrench
         assert np.abs(stiff - loaded.wrench).max() < 0.05 * np.abs(rigid).max()
         assert soft[:, channel].std() > 1.1 * loaded.wrench[:, channel].std()
 
@@ -158,9 +158,9 @@ def test_a_foot_on_its_tape_gives_the_wrench_that_the_engine_gives_it(axis: int,
     rigid = motion.regressor @ rig.above_sensor.vector
     poses = np.hstack((p_m, euler))
     recording = measured(simulate(RunSettings(rig=rig, duration_s=1.0), 1), None)
-    signals = Signals(recording, angles, motion, poses, poses.copy(), rigid, seed=1)
-    on_tape = tables_signals.on_rocking_tape if rocking else tables_signals.on_sliding_tape
-    told = on_tape(signals, axis, 1.0 / resonance_hz, damping_ratio, seen=False).wrench
+    streams = Signals(recording, angles, motion, poses, poses.copy(), rigid, seed=1)
+    on_tape = signals.on_rocking_tape if rocking else signals.on_sliding_tape
+    told = on_tape(streams, axis, 1.0 / resonance_hz, damping_ratio, seen=False).wrench
     inside = slice(700, -100)
     true = seen[inside, SENSORS["wrench"]]
     for column in (5, 0) if (axis == 2) == rocking else (3, 2):
@@ -180,7 +180,7 @@ def test_a_planted_pair_is_found_and_is_not_simulated_twice(folder: Path, monkey
     planted = {"force_gain tz": 0.05, "hidden_mass in the foot": 0.4}
     cells = study.columns(planted).cells(False)
     tight = np.maximum(1e-3 * np.abs(cells).max(axis=0), 1e-2)
-    for module in (tables_hypotheses, tables_search):
+    for module in (hypotheses, search):
         monkeypatch.setattr(module, "printed_cells", lambda: cells)
         monkeypatch.setattr(module, "tolerances", lambda: tight)
     names = ("force_gain tz", "reference_height", "hidden_mass in the foot", "plate_rotation y")
@@ -207,7 +207,7 @@ def test_a_planted_pair_is_found_and_is_not_simulated_twice(folder: Path, monkey
 def test_curves_pass_through_what_was_simulated(folder: Path) -> None:
     study = Study(folder, 3, SHORT_S)
     study.prepare()
-    curves = tables_search.Curves.of(study, ("force_gain tz",))
+    curves = search.Curves.of(study, ("force_gain tz",))
     for size in CAUSES["force_gain tz"].knots:
         exact: Array = study.columns({} if size == 0.0 else {"force_gain tz": size}).cells(False)
         np.testing.assert_allclose(curves.cells({"force_gain tz": size}, False), exact, atol=1e-9)

@@ -19,7 +19,7 @@ from impedance.recording.recording import (
     RateSettings,
     TareSettings,
 )
-from sim_rig.platform.printed import FOOT, PLATE, body_of, rows_of
+from sim_rig.thesis.printed import FOOT, PLATE, body_of, rows_of
 
 RATE_HZ = 350.0
 JOINT_M = 0.12

@@ -13,7 +13,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, lfilter, lsim
 from scipy.spatial.transform import Rotation
 
-from sim_rig.hidden.imu_motion import Curve, Motion
+from sim_rig.hidden.imu.motion import Curve, Motion
 
 Array = NDArray[np.float64]
 

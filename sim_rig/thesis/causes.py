@@ -14,9 +14,9 @@ import numpy as np
 
 from impedance.body import geometry
 from impedance.body.rigid_body import Array, cross_matrix
-from sim_rig.platform import tables_signals as do
 from sim_rig.platform.rig import FOOT, THESIS_NOISE, Rig
-from sim_rig.platform.tables_signals import Signals
+from sim_rig.thesis import signals as do
+from sim_rig.thesis.signals import Signals
 
 AXES: Final = ("x", "y", "z")
 WRENCH: Final = ("fx", "fy", "fz", "tx", "ty", "tz")

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from messages import Lens, Matrix3, StereoCalibration, matrix3, vec3
 from perception.rectify import Rectifier
 from sim_rig.hidden.case import sign
-from sim_rig.hidden.wearable_eye import dirty, glossy, locked, moved_right
-from sim_rig.hidden.wearable_stage import FRAME_NS, Stage
+from sim_rig.hidden.wearable.eye import dirty, glossy, locked, moved_right
+from sim_rig.hidden.wearable.stage import FRAME_NS, Stage
 from sim_rig.unit import HEIGHT_PX, Unit
 from sim_rig.walk.gait import IntArray
 

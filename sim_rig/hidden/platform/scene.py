@@ -7,7 +7,7 @@ import numpy as np
 
 from impedance.body.rigid_body import Array, Inertia
 from sim_rig.hidden.case import log_uniform
-from sim_rig.hidden.platform_mechanics import Torques
+from sim_rig.hidden.platform.mechanics import Torques
 from sim_rig.platform.rig import PLATE
 
 SPAN_NM: Final = np.array([220.0, 120.0])

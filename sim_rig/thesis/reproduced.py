@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from impedance.body.rigid_body import Array, Inertia
-from sim_rig.platform.printed import CUBOID_SIZE_M, FOOT, PLATE, RATES_HZ, ROWS, UNITS, PrintedTable, cuboid, rows_of
+from sim_rig.thesis.printed import CUBOID_SIZE_M, FOOT, PLATE, RATES_HZ, ROWS, UNITS, PrintedTable, cuboid, rows_of
 
 Pair = tuple[Inertia, Inertia]
 """Plate and foot."""

@@ -1,6 +1,6 @@
 """Hidden-effect cases of an IMU against a reference motion: recordings in plain files, and the truth apart.
 
-Drawn are a sensor (sim_rig.hidden.imu_sensor), a motion (sim_rig.hidden.imu_motion), rates, noise and gaps. Nothing of
+Drawn are a sensor (sim_rig.hidden.imu.sensor), a motion (sim_rig.hidden.imu.motion), rates, noise and gaps. Nothing of
 the finder or its plug-ins is used here.
 """
 
@@ -15,8 +15,8 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from sim_rig.hidden.case import Case, Kind, Sizes, TrueCause, Truth, log_uniform, sign
-from sim_rig.hidden.imu_motion import Curve, Motion, hand_moved, swung
-from sim_rig.hidden.imu_sensor import Unit, readings
+from sim_rig.hidden.imu.motion import Curve, Motion, hand_moved, swung
+from sim_rig.hidden.imu.sensor import Unit, readings
 
 Array = NDArray[np.float64]
 

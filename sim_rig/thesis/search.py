@@ -16,8 +16,8 @@ from scipy.interpolate import BarycentricInterpolator, PchipInterpolator
 from scipy.optimize import minimize
 
 from impedance.body.rigid_body import Array
-from sim_rig.platform.tables_causes import CAUSES
-from sim_rig.platform.tables_hypotheses import (
+from sim_rig.thesis.causes import CAUSES
+from sim_rig.thesis.hypotheses import (
     FIT,
     PINNED,
     Columns,

@@ -7,9 +7,9 @@ import numpy as np
 
 from impedance.body.rigid_body import Array
 from impedance.first_study.seed_estimator import Variant
-from sim_rig.platform.printed import FOOT, PLATE, RATES_HZ, ROWS, PrintedTable, body_of, rows_of
 from sim_rig.platform.rig import THESIS_NOISE, Noise
-from sim_rig.platform.study import NOISE_FREE, Experiment, Laboratory, Treatment
+from sim_rig.thesis.printed import FOOT, PLATE, RATES_HZ, ROWS, PrintedTable, body_of, rows_of
+from sim_rig.thesis.study import NOISE_FREE, Experiment, Laboratory, Treatment
 
 _THESIS: Final = Treatment()
 _USUAL: Final = Experiment()

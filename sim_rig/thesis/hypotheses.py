@@ -28,10 +28,10 @@ from impedance.first_study.seed_estimator import (
 from impedance.recording.recording import Poses
 from messages.errors import UserError
 from sim_rig.platform import rig
-from sim_rig.platform.printed import FOOT, PLATE, RATES_HZ, ROWS, rows_of
 from sim_rig.platform.run import RunSettings, SimulatedRun, simulate
-from sim_rig.platform.tables_causes import ALIASING, CAUSES, changed
-from sim_rig.platform.tables_signals import Signals
+from sim_rig.thesis.causes import ALIASING, CAUSES, changed
+from sim_rig.thesis.printed import FOOT, PLATE, RATES_HZ, ROWS, rows_of
+from sim_rig.thesis.signals import Signals
 
 EVERY: Final = 4  # of the residual's samples: 87.5 a second hold what is left below 40 Hz
 PLATE_ROWS: Final = ROWS[1:]  # its mass was weighed, not estimated, and is printed thrice alike

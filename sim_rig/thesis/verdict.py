@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impedance.body.rigid_body import Array
-from sim_rig.platform.printed import RATES_HZ
-from sim_rig.platform.tables_causes import CAUSES
-from sim_rig.platform.tables_hypotheses import (
+from sim_rig.thesis.causes import CAUSES
+from sim_rig.thesis.hypotheses import (
     CELLS,
     MOST_TOLERANCES,
     Misfit,
@@ -19,7 +18,8 @@ from sim_rig.platform.tables_hypotheses import (
     printed_cells,
     tolerances,
 )
-from sim_rig.platform.tables_search import (
+from sim_rig.thesis.printed import RATES_HZ
+from sim_rig.thesis.search import (
     Candidate,
     Curves,
     Grid,

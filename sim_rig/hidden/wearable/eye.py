@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from messages import GreyImage
 from perception.rectify import Rectifier, undistorted_rays
-from sim_rig.hidden.wearable_stage import Retouch, Stage, binned, ground_below
+from sim_rig.hidden.wearable.stage import Retouch, Stage, binned, ground_below
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX
 
 FloatArray = NDArray[np.float64]

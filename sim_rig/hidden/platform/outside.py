@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from impedance.body.rigid_body import Array
-from sim_rig.hidden.platform_mechanics import RATE_HZ, STEP_S
+from sim_rig.hidden.platform.mechanics import RATE_HZ, STEP_S
 
 _MAINS_HZ: Final = 50.0
 _CREEP_S: Final = 0.4

@@ -22,7 +22,7 @@ from impedance.recording.recording import (
     TareSettings,
 )
 from sim_rig.hidden.case import Case, TrueCause, Truth
-from sim_rig.hidden.platform_drawn import (
+from sim_rig.hidden.platform.drawn import (
     EFFECTS,
     NEEDS_FOOT,
     NEEDS_KNOWN_PLATE,
@@ -31,11 +31,11 @@ from sim_rig.hidden.platform_drawn import (
     Hidden,
     drawn,
 )
-from sim_rig.hidden.platform_instruments import followed, lagging, rubbed, sampled, smoothed, warped
-from sim_rig.hidden.platform_mechanics import RATE_HZ, Fine, Mechanics, Torques, ran
-from sim_rig.hidden.platform_noise import PlateNoise
-from sim_rig.hidden.platform_outside import at_markers, at_sensor
-from sim_rig.hidden.platform_scene import SPAN_NM, Scene, scene, stepped, tones
+from sim_rig.hidden.platform.instruments import followed, lagging, rubbed, sampled, smoothed, warped
+from sim_rig.hidden.platform.mechanics import RATE_HZ, Fine, Mechanics, Torques, ran
+from sim_rig.hidden.platform.noise import PlateNoise
+from sim_rig.hidden.platform.outside import at_markers, at_sensor
+from sim_rig.hidden.platform.scene import SPAN_NM, Scene, scene, stepped, tones
 
 __all__ = ["EFFECTS", "LOOK_ALIKES", "OUTSIDE", "PAIRS", "SIZES", "write"]
 

@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 
 from sim_rig.hidden.case import Case, Kind, Sizes, TrueCause, Truth, log_uniform
-from sim_rig.hidden.wearable_physics import Hidden, hidden
-from sim_rig.hidden.wearable_stage import write_recording
-from sim_rig.hidden.wearable_walk import draw_nuisance, rolling_world, sound_stage, sound_unit
+from sim_rig.hidden.wearable.physics import Hidden, hidden
+from sim_rig.hidden.wearable.stage import write_recording
+from sim_rig.hidden.wearable.walk import draw_nuisance, rolling_world, sound_stage, sound_unit
 
 SYSTEM = "wearable"
 

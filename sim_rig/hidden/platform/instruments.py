@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, firwin, lfilter, sosfiltfilt, upfirdn
 
 from impedance.body.rigid_body import Array
-from sim_rig.hidden.platform_mechanics import OVERSAMPLING, RATE_HZ, SETTLE_S, STEP_S
+from sim_rig.hidden.platform.mechanics import OVERSAMPLING, RATE_HZ, SETTLE_S, STEP_S
 
 _ANTI_ALIAS_TAPS: Final = 401
 _ANTI_ALIAS_HZ: Final = 145.0

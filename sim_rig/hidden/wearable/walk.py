@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim_rig.hidden.case import Case, log_uniform
-from sim_rig.hidden.wearable_stage import FRAME_NS, Stage
+from sim_rig.hidden.wearable.stage import FRAME_NS, Stage
 from sim_rig.unit import Unit, draw_unit
 from sim_rig.walk.gait import Gait, Stand, Walk
 from sim_rig.walk.world import World, WorldBuilder
