@@ -35,8 +35,8 @@ def smallest_found(cases: Sequence[tuple[float, bool]], sizes: Sizes | None) -> 
     return Smallest(
         size=ordered[enough[0]][0] if len(enough) else None,
         unit="" if sizes is None else sizes.unit,
-        low=None if sizes is None else sizes.low,
-        high=None if sizes is None else sizes.high,
+        low=None if sizes is None else float(sizes.low),
+        high=None if sizes is None else float(sizes.high),
         cases=len(ordered),
         found=int(found.sum()),
     )

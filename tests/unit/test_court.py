@@ -246,3 +246,8 @@ def test_errors_are_computed_anew_from_the_file(tmp_path: Path) -> None:
         for side in (base, extended)
     ]
     assert (found.before, found.after) == pytest.approx(tuple(expected))
+
+
+def test_ranges_in_whatever_float_they_were_stated_can_be_written_down() -> None:
+    found = smallest_found([(0.02, True)], Sizes(float(np.radians(0.2)), np.radians(5.0), "rad"))
+    assert msgspec.json.decode(msgspec.json.encode(found))["high"] == pytest.approx(0.0872665)
