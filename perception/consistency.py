@@ -38,7 +38,7 @@ class ConsistencySettings:
     window_s: float = 1.0
     recent_s: float = 0.3
     least_steps: int = 9
-    most_unwatched_rad: float = 0.4
+    most_unwatched_rad: float = 0.8
     longest_lag_s: float = 0.1
     lag_grid_s: float = 0.01
     most_lag_s: float = 0.012
