@@ -17,6 +17,7 @@ from sim_rig.camera.shutter import Shutter
 from sim_rig.imu.data_ready import SimulatedDataReady
 from sim_rig.imu.i2c_bus import I2cWires, SimulatedI2cBus
 from sim_rig.imu.mpu6050_chip import Mpu6050Chip
+from sim_rig.imu.simulated_clock import SimulatedClock
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, draw_unit
 from sim_rig.walk.scenario import Scenario
 from sim_rig.walk.truth import TruthSource, rectified_axis_L
@@ -128,7 +129,7 @@ class SimulatedWearer:
         The real driver polls the simulated chip on a simulated clock, every 5 ms but for a thread's lateness, from a
         quarter of a second before the start on; ticks come every 10 ms, frames when they are due. Nothing is lost.
         """
-        clock = _SimulatedClock(self._start_ns - _BOOT_NS)
+        clock = SimulatedClock(self._start_ns - _BOOT_NS)
         wires = I2cWires({_IMU_ADDRESS: self._new_chip(clock)}, elapse=clock.sleep)
         imu = Mpu6050(wires.open, settings=Mpu6050Settings(), clock=clock, sleep=clock.sleep)
         imu.open()
@@ -172,19 +173,3 @@ class SimulatedWearer:
 
     def _new_chip(self, clock: Callable[[], int]) -> Mpu6050Chip:
         return Mpu6050Chip(self.gait.imu, self.unit.chip, clock, self._seed)
-
-
-class _SimulatedClock:
-    """Nanoseconds that pass only when told to."""
-
-    def __init__(self, now_ns: int) -> None:
-        self._now_ns = now_ns
-
-    def __call__(self) -> int:
-        return self._now_ns
-
-    def sleep(self, seconds: float) -> None:
-        self._now_ns += round(max(0.0, seconds) * 1e9)
-
-    def advance_to(self, t_ns: int) -> None:
-        self._now_ns = max(self._now_ns, t_ns)

@@ -25,6 +25,7 @@ from messages import Calibration, FrameHeader, GreyImage, ImuSample, Lens, Sourc
 from sim_rig.camera.renderer import Renderer
 from sim_rig.imu.i2c_bus import I2cWires
 from sim_rig.imu.mpu6050_chip import Mpu6050Chip
+from sim_rig.imu.simulated_clock import SimulatedClock
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import Gait, IntArray, Motion
 from sim_rig.walk.world import World
@@ -164,7 +165,7 @@ def _samples(stage: Stage) -> Iterator[ImuSample]:
         vehicle_B = np.einsum("nij,ni->nj", motion.R_WB, stage.vehicle_W_mps2(t_ns))
         return motion.sf_B_mps2 + vehicle_B, motion.w_WB_B_radps
 
-    clock = _Clock(stage.first_ns - _BOOT_NS)
+    clock = SimulatedClock(stage.first_ns - _BOOT_NS)
     chip = Mpu6050Chip(felt, stage.unit.chip, clock, stage.seed)
     wires = I2cWires({0x68: chip}, elapse=clock.sleep)
     imu = Mpu6050(wires.open, settings=Mpu6050Settings(), clock=clock, sleep=clock.sleep)
@@ -173,22 +174,6 @@ def _samples(stage: Stage) -> Iterator[ImuSample]:
         clock.advance_to(t_ns)
         yield from imu.read(timeout_s=0.0)
     imu.close()
-
-
-class _Clock:
-    """Nanoseconds that pass only when told to."""
-
-    def __init__(self, now_ns: int) -> None:
-        self._now_ns = now_ns
-
-    def __call__(self) -> int:
-        return self._now_ns
-
-    def sleep(self, seconds: float) -> None:
-        self._now_ns += round(max(0.0, seconds) * 1e9)
-
-    def advance_to(self, t_ns: int) -> None:
-        self._now_ns = max(self._now_ns, t_ns)
 
 
 def _pairs(stage: Stage) -> Iterator[StereoFrame]:
