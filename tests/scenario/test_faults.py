@@ -66,7 +66,8 @@ def test_a_campaign_reads_as_a_table_and_as_json(campaign: CampaignReport) -> No
     assert "address is in use" in line(trial(campaign, "zenoh-port-taken"))
     facts = dict(summary(campaign))
     assert facts["starts, stops that hung"].endswith(", 0")
-    assert campaign.fault_free.frames > 0
+    late = sum(report.rig_late for report in campaign.trials)  # then there is no time that is free of faults
+    assert campaign.fault_free.frames > 0 or late > 0
     assert campaign.process is not None
 
 
