@@ -19,6 +19,7 @@ from sim_rig.hidden.platform.mechanics import ran
 from sim_rig.hidden.platform.noise import PlateNoise
 from sim_rig.hidden.platform.scene import SPAN_NM, Scene, stepped
 from sim_rig.systems.platform import load
+from sim_rig.systems.platform.effects import amplitudes
 from sim_rig.systems.platform.sensor import lattice, rounded, with_play
 from sim_rig.systems.platform.simulation import BODY, PlatformSimulation
 
@@ -224,3 +225,9 @@ def test_what_cannot_be_bound_is_refused_in_one_line(tmp_path: Path) -> None:
     settings_file.write_text("\n".join(kept) + "\n")
     with pytest.raises(UserError, match=r"plate\.cog_m, plate\.inertia_kgm2"):
         load(tmp_path)
+
+
+def test_a_channel_that_reads_zero_all_the_time_has_no_limit() -> None:
+    largest = {name: 0.0 if name == "fy" else 10.0 for name in CHANNELS}
+    library = {effect.name: effect for effect in amplitudes({"force_n": 1.0, "torque_nm": 1.0}, largest)}
+    assert [p.name for p in library["saturation"].parameters] == [name for name in CHANNELS if name != "fy"]

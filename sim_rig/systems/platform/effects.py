@@ -70,8 +70,10 @@ def timing() -> tuple[Effect, ...]:
 def amplitudes(starts: Mapping[str, float], largest: Mapping[str, float]) -> tuple[Effect, ...]:
     """Return the effects of gains and of what is not linear in the force channels.
 
-    `starts` are the steps of rounding that a fit begins with, `largest` each channel's largest reading.
+    `starts` are the steps of rounding that a fit begins with, `largest` each channel's largest reading. A channel that
+    reads zero all the time has no limit to look for.
     """
+    moving = [name for name in CHANNELS if largest[name] > 0.0]
     return (
         Effect(
             "force_gain",
@@ -104,13 +106,13 @@ def amplitudes(starts: Mapping[str, float], largest: Mapping[str, float]) -> tup
             "saturation",
             tuple(
                 Parameter(name, unit_of(name), inf, 0.1 * largest[name], 2.0 * largest[name], 2e-3 * largest[name])
-                for name in CHANNELS
+                for name in moving
             ),
             "A force channel is cut off at a limit, the same to either side of its tared zero.",
             "Choose a larger range, or shake less.",
             "Repeat with half the amplitude: nothing is cut off then.",
-            choices=tuple((name,) for name in CHANNELS),
-            starts=tuple({name: 0.97 * largest[name]} for name in CHANNELS),
+            choices=tuple((name,) for name in moving),
+            starts=tuple({name: 0.97 * largest[name]} for name in moving),
         ),
         Effect(
             "quantisation",
