@@ -1,12 +1,11 @@
 """The result of one case: what was hidden, what was told, and what it gained. One file each."""
 
-import os
 from pathlib import Path
 
 import msgspec
 
-from messages.errors import UserError
 from sim_rig.hidden.case import Truth
+from sim_rig.hidden.json_file import read_struct, write_struct
 
 
 class ToldQuantity(msgspec.Struct, frozen=True):
@@ -67,20 +66,9 @@ class Result(msgspec.Struct, frozen=True):
 
     def save(self, path: Path) -> None:
         """Write it in one piece; raises UserError where it cannot."""
-        part = path.with_name(path.name + ".part")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            part.write_bytes(msgspec.json.format(msgspec.json.encode(self), indent=2) + b"\n")
-            os.replace(part, path)
-        except OSError as error:
-            raise UserError(f"{path}: {error.strerror}") from error
+        write_struct(path, self)
 
     @staticmethod
     def load(path: Path) -> "Result":
         """Read it back; raises UserError naming file and field."""
-        try:
-            return msgspec.json.decode(path.read_bytes(), type=Result)
-        except OSError as error:
-            raise UserError(f"{path}: {error.strerror}") from error
-        except msgspec.DecodeError as error:
-            raise UserError(f"{path}: {error}") from error
+        return read_struct(path, Result)

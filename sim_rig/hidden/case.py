@@ -14,7 +14,7 @@ from typing import Protocol
 import msgspec
 import numpy as np
 
-from messages.errors import UserError
+from sim_rig.hidden.json_file import read_struct, write_struct
 
 
 class Kind(str, Enum):
@@ -102,20 +102,12 @@ class Truth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def save(self, path: Path) -> None:
         """Write it as JSON; `path` lies outside the folders of both recordings. Raises UserError where it cannot."""
-        try:
-            path.write_bytes(msgspec.json.format(msgspec.json.encode(self), indent=2) + b"\n")
-        except OSError as error:
-            raise UserError(f"{path}: {error.strerror}") from error
+        write_struct(path, self)
 
     @staticmethod
     def load(path: Path) -> "Truth":
         """Read it back; raises UserError naming file and field."""
-        try:
-            return msgspec.json.decode(path.read_bytes(), type=Truth)
-        except OSError as error:
-            raise UserError(f"{path}: {error.strerror}") from error
-        except msgspec.DecodeError as error:
-            raise UserError(f"{path}: {error}") from error
+        return read_struct(path, Truth)
 
 
 class System(Protocol):

@@ -35,7 +35,9 @@ def model_of(rig: Rig, step_s: float, direct: bool) -> mujoco.MjModel:
     """
     kz, kx = rig.stiffness_nmprad
     cz, cx = rig.damping_nmsprad
-    foot = "" if rig.foot is None else f'<body name="foot" pos="{_row(rig.foot_origin_m)}">{_inertial(rig.foot)}</body>'
+    foot = (
+        "" if rig.foot is None else f'<body name="foot" pos="{numbers(rig.foot_origin_m)}">{inertial(rig.foot)}</body>'
+    )
     driven = ("theta", "phi") if direct else ("theta_drive", "phi_drive")
     lag = "" if direct else f'dyntype="filter" dynprm="{1.0 / (2.0 * np.pi * DRIVE_HZ)!r}"'
     model: mujoco.MjModel = mujoco.MjModel.from_xml_string(f"""
@@ -48,16 +50,16 @@ def model_of(rig: Rig, step_s: float, direct: bool) -> mujoco.MjModel:
     <body name="upper_frame">
       <joint name="theta" axis="0 0 1" stiffness="{kz!r}" damping="{cz!r}"/>
       <joint name="phi" axis="1 0 0" stiffness="{kx!r}" damping="{cx!r}"/>
-      {_inertial(rig.upper_frame)}
-      <body name="plate" pos="{_row(rig.lever_m)}">
-        {_inertial(rig.plate)}
+      {inertial(rig.upper_frame)}
+      <body name="plate" pos="{numbers(rig.lever_m)}">
+        {inertial(rig.plate)}
         <site name="P"/>
         {foot}
       </body>
     </body>
-    {"" if direct else _drive_body("theta", "0 0 1") + _drive_body("phi", "1 0 0")}
+    {"" if direct else drive_body("theta", "0 0 1") + drive_body("phi", "1 0 0")}
   </worldbody>
-  {"" if direct else f"<tendon>{_drive_spring('theta')}{_drive_spring('phi')}</tendon>"}
+  {"" if direct else f"<tendon>{drive_spring('theta')}{drive_spring('phi')}</tendon>"}
   <actuator>
     <general joint="{driven[0]}" {lag}/>
     <general joint="{driven[1]}" {lag}/>
@@ -73,7 +75,8 @@ def model_of(rig: Rig, step_s: float, direct: bool) -> mujoco.MjModel:
     return model
 
 
-def _drive_body(axis: str, direction: str) -> str:
+def drive_body(axis: str, direction: str) -> str:
+    """Return the MJCF of an actuator's own inertia, which turns about `direction`."""
     moment = repr(DRIVE_KGM2)
     return (
         f'<body name="{axis}_drive"><joint name="{axis}_drive" axis="{direction}"/>'
@@ -81,7 +84,8 @@ def _drive_body(axis: str, direction: str) -> str:
     )
 
 
-def _drive_spring(axis: str) -> str:
+def drive_spring(axis: str) -> str:
+    """Return the MJCF of the damped spring between an actuator and its axis."""
     w_radps = 2.0 * np.pi * DRIVE_HZ
     stiffness, damping = DRIVE_KGM2 * w_radps**2, 2.0 * DRIVE_DAMPING_RATIO * DRIVE_KGM2 * w_radps
     return (
@@ -90,11 +94,13 @@ def _drive_spring(axis: str) -> str:
     )
 
 
-def _inertial(body: Inertia) -> str:
+def inertial(body: Inertia) -> str:
+    """Return the MJCF of a body's inertia about its centre of gravity."""
     J = body.inertia_kgm2
     full = (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
-    return f'<inertial mass="{float(body.mass_kg)!r}" pos="{_row(body.cog_m)}" fullinertia="{_row(full)}"/>'
+    return f'<inertial mass="{float(body.mass_kg)!r}" pos="{numbers(body.cog_m)}" fullinertia="{numbers(full)}"/>'
 
 
-def _row(values: Array | tuple[float, ...]) -> str:
+def numbers(values: Array | tuple[float, ...]) -> str:
+    """Return numbers as MJCF writes them, to the last bit."""
     return " ".join(repr(float(value)) for value in values)

@@ -10,6 +10,7 @@ from mujoco import rollout
 
 from impedance.body import geometry
 from impedance.body.rigid_body import Array, Inertia
+from sim_rig.platform.model import DRIVE_HZ, drive_body, drive_spring, inertial, numbers
 from sim_rig.platform.rig import UPPER_FRAME
 
 RATE_HZ: Final = 350.0
@@ -18,9 +19,6 @@ STEP_S: Final = 1.0 / (OVERSAMPLING * RATE_HZ)
 SETTLE_S: Final = 1.0
 _STIFFNESS_NMPRAD: Final = (15470.0, 8594.0)
 _DAMPING_NMSPRAD: Final = 60.0
-_DRIVE_HZ: Final = 60.0
-_DRIVE_KGM2: Final = 0.02
-_DRIVE_ZETA: Final = 0.7
 
 Torques = Callable[[Array], Array]
 """From times (n,) in s to torques (n, 2) in N·m about I's Z and P's X."""
@@ -111,14 +109,14 @@ def ran(mechanics: Mechanics, torques: Torques, duration_s: float) -> Fine:
 
 def _xml(m: Mechanics) -> str:
     driven = ("theta", "phi") if m.jumps else ("theta_drive", "phi_drive")
-    lag = "" if m.jumps else f'dyntype="filter" dynprm="{1.0 / (2.0 * np.pi * _DRIVE_HZ)!r}"'
+    lag = "" if m.jumps else f'dyntype="filter" dynprm="{1.0 / (2.0 * np.pi * DRIVE_HZ)!r}"'
     hidden = "".join(
-        f'<body pos="{_row(place)}"><inertial mass="{mass!r}" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>'
+        f'<body pos="{numbers(place)}"><inertial mass="{mass!r}" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>'
         for mass, place in m.hidden
     )
     axes = [name for name, hz in zip(("delta", "epsilon"), m.tape_hz, strict=True) if np.isfinite(hz)]
     tape_sensors = "".join(f'<jointpos joint="{name}"/>' for name in axes)
-    springs = f"<tendon>{_spring('theta')}{_spring('phi')}</tendon>"
+    springs = f"<tendon>{drive_spring('theta')}{drive_spring('phi')}</tendon>"
     return f"""
 <mujoco>
   <compiler angle="radian"/>
@@ -129,14 +127,14 @@ def _xml(m: Mechanics) -> str:
     <body name="upper_frame">
       <joint name="theta" axis="0 0 1" stiffness="{_STIFFNESS_NMPRAD[0]!r}" damping="{_DAMPING_NMSPRAD!r}"/>
       <joint name="phi" axis="1 0 0" stiffness="{_STIFFNESS_NMPRAD[1]!r}" damping="{_DAMPING_NMSPRAD!r}"/>
-      {_inertial(UPPER_FRAME)}
-      <body name="plate" pos="{_row(m.lever_m)}">
-        {_inertial(m.plate)}
-        <site name="S" pos="{_row(m.sensor_m)}" quat="{_row(_quaternion(m.sensor_turn_rad))}"/>
+      {inertial(UPPER_FRAME)}
+      <body name="plate" pos="{numbers(m.lever_m)}">
+        {inertial(m.plate)}
+        <site name="S" pos="{numbers(m.sensor_m)}" quat="{numbers(_quaternion(m.sensor_turn_rad))}"/>
         {hidden}{_foot(m)}
       </body>
     </body>
-    {"" if m.jumps else _drive("theta", "0 0 1") + _drive("phi", "1 0 0")}
+    {"" if m.jumps else drive_body("theta", "0 0 1") + drive_body("phi", "1 0 0")}
   </worldbody>
   {"" if m.jumps else springs}
   <actuator><general joint="{driven[0]}" {lag}/><general joint="{driven[1]}" {lag}/></actuator>
@@ -167,29 +165,7 @@ def _foot(m: Mechanics) -> str:
                 f'<joint name="{name}" axis="{axis}" stiffness="{stiffness!r}" damping="{damping!r}" '
                 f'springref="{rest!r}"/>'
             )
-    return f'<body name="foot">{joints}{_inertial(own)}</body>'
-
-
-def _drive(axis: str, direction: str) -> str:
-    moment = repr(_DRIVE_KGM2)
-    return (
-        f'<body name="{axis}_drive"><joint name="{axis}_drive" axis="{direction}"/>'
-        f'<inertial mass="1" pos="0 0 0" diaginertia="{moment} {moment} {moment}"/></body>'
-    )
-
-
-def _spring(axis: str) -> str:
-    w = 2.0 * np.pi * _DRIVE_HZ
-    return (
-        f'<fixed stiffness="{_DRIVE_KGM2 * w**2!r}" damping="{2.0 * _DRIVE_ZETA * _DRIVE_KGM2 * w!r}" '
-        f'springlength="0"><joint joint="{axis}" coef="-1"/><joint joint="{axis}_drive" coef="1"/></fixed>'
-    )
-
-
-def _inertial(body: Inertia) -> str:
-    J = body.inertia_kgm2
-    full = (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
-    return f'<inertial mass="{float(body.mass_kg)!r}" pos="{_row(body.cog_m)}" fullinertia="{_row(full)}"/>'
+    return f'<body name="foot">{joints}{inertial(own)}</body>'
 
 
 def _quaternion(turn_rad: Array) -> tuple[float, ...]:
@@ -208,7 +184,3 @@ def _rotation(turn_rad: Array) -> Array:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
-
-
-def _row(values: Array | tuple[float, ...]) -> str:
-    return " ".join(repr(float(value)) for value in values)
