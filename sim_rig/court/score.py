@@ -16,10 +16,10 @@ _LEAST_TO_GAIN = 0.01  # of the squared error: below, what the oracle gains is t
 
 
 class Rate(msgspec.Struct, frozen=True):
-    """A rate averaged over effects, what it must reach, and over how many cases; null where there was none."""
+    """A rate averaged over effects, what it must reach (null: only told), and over how many cases; null: none."""
 
     share: float | None
-    wanted: float
+    wanted: float | None
     cases: int
 
 
@@ -55,6 +55,7 @@ def score(system: str, results: Sequence[Result], sizes: Mapping[str, Sizes]) ->
         "outside_unknown": _rate(strange, lambda result: _verdict_is(result, "unknown"), 0.80),
         "interval": _rate(single, in_interval, 0.90),
         "interval_and_narrow": _rate(single, in_narrow_interval, 0.90),
+        "every_interval": _rate(single, lambda result: _whole(in_interval(result)), None),
         "share_of_oracle": _rate([*single, *pair], share_of_oracle, 0.80),
     }
     found: dict[str, list[tuple[float, bool]]] = defaultdict(list)
@@ -98,13 +99,13 @@ def exact_pair(result: Result) -> float:
 
 
 def in_interval(result: Result) -> float | None:
-    """Return 1 if all true parameters lie in their told intervals; None where the cause was not named by its name."""
-    return _all_parameters(result, lambda true, _, low, high: low <= true <= high)
+    """Return the share of true parameters in their told intervals; None where the cause was not named by its name."""
+    return _right_parameters(result, lambda true, _, low, high: low <= true <= high)
 
 
 def in_narrow_interval(result: Result) -> float | None:
-    """Return 1 if all true parameters lie in intervals narrower than the value; None as above."""
-    return _all_parameters(result, lambda true, value, low, high: low <= true <= high and high - low < abs(value))
+    """Return the share of true parameters that lie in intervals narrower than the value; None as above."""
+    return _right_parameters(result, lambda true, value, low, high: low <= true <= high and high - low < abs(value))
 
 
 def share_of_oracle(result: Result) -> float | None:
@@ -140,7 +141,7 @@ def confusion(single: Iterable[Result]) -> dict[str, dict[str, int]]:
     return {true: dict(sorted(row.items(), key=lambda item: -item[1])) for true, row in sorted(table.items())}
 
 
-def _rate(results: Sequence[Result], judge: Callable[[Result], float | None], wanted: float) -> Rate:
+def _rate(results: Sequence[Result], judge: Callable[[Result], float | None], wanted: float | None) -> Rate:
     by_effect: dict[tuple[str, ...], list[float]] = defaultdict(list)
     for result in results:
         judged = judge(result)
@@ -158,15 +159,21 @@ def _verdict_is(result: Result, verdict: str) -> float:
     return float(result.told is not None and result.told.verdict == verdict)
 
 
-def _all_parameters(result: Result, right: Callable[[float, float, float, float], bool]) -> float | None:
+def _right_parameters(result: Result, right: Callable[[float, float, float, float], bool]) -> float | None:
+    """Return the share of the true cause's parameters that were told right; one that was not told is wrong."""
     true = result.truth.causes[0]
     told = next((cause for cause in _causes(result) if cause.name == true.name), None)
-    if told is None:
+    if told is None or not true.parameters:
         return None
-    for name, value in true.parameters.items():
+
+    def is_right(name: str, value: float) -> bool:
         quantity = told.parameters.get(name)
         if quantity is None or quantity.value is None or quantity.low is None or quantity.high is None:
-            return 0.0
-        if not right(value, quantity.value, quantity.low, quantity.high):
-            return 0.0
-    return 1.0
+            return False
+        return right(value, quantity.value, quantity.low, quantity.high)
+
+    return float(np.mean([is_right(name, value) for name, value in true.parameters.items()]))
+
+
+def _whole(share: float | None) -> float | None:
+    return None if share is None else float(share == 1.0)

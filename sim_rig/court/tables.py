@@ -13,6 +13,7 @@ RATE_WORDS = {
     "outside_unknown": "outside the library: unknown",
     "interval": "parameters in their 95 % intervals",
     "interval_and_narrow": "the same, and narrower than the value",
+    "every_interval": "all parameters of a case in their intervals at once",
     "share_of_oracle": "share of the oracle's held-out gain",
 }
 SMALLEST_COLUMNS = ("effect", "smallest found in 95 %", "drawn from", "unit", "found")
@@ -29,7 +30,8 @@ def rate_rows(scores: Sequence[SystemScore]) -> list[list[str]]:
     rows = []
     for name, words in RATE_WORDS.items():
         of_systems = [score.rates[name] for score in scores]
-        rows.append([words, f"≥ {100.0 * of_systems[0].wanted:.0f} %", *map(_rate, of_systems)])
+        wanted = of_systems[0].wanted
+        rows.append([words, "" if wanted is None else f"≥ {100.0 * wanted:.0f} %", *map(_rate, of_systems)])
     rows.append(["cases", "", *(str(score.cases) for score in scores)])
     rows.append(["a verdict: median, longest", "", *(f"{s.median_s:.1f}, {s.longest_s:.1f} s" for s in scores)])
     rows.append(["the same, of computing: longest", "", *(f"{s.longest_cpu_s:.1f} s" for s in scores)])

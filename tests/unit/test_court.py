@@ -186,6 +186,16 @@ def test_intervals_must_cover_and_be_narrower_than_the_value() -> None:
     assert judge.in_interval(result(told=("lag",), alike={"delay": 1.0})) is None  # no parameter to compare
 
 
+def test_each_parameter_counts_for_itself_and_one_not_told_is_wrong() -> None:
+    axes = msgspec.structs.replace(
+        result(),
+        truth=Truth("toy", 5000, Kind.SINGLE, (TrueCause("delay", {"value_ms": 2.0, "x_ms": 1.0}, 2.0, "ms"),)),
+    )
+    assert judge.in_interval(axes) == 0.5
+    rates = score("toy", [axes], Toy.SIZES).rates
+    assert (rates["interval"].share, rates["every_interval"].share) == (0.5, 0.0)
+
+
 def test_the_oracle_s_gain_is_shared_in_squares() -> None:
     assert judge.share_of_oracle(result()) == pytest.approx(1.0)
     assert judge.share_of_oracle(result(after=0.3)) == pytest.approx((0.25 - 0.09) / (0.25 - 0.01))

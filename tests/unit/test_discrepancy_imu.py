@@ -148,22 +148,45 @@ def test_the_band_follows_the_reference_s_noise() -> None:
     assert reading_of(noisy).band_hz < 0.7 * reading_of(quiet).band_hz
 
 
-def test_noise_of_the_reference_does_not_call_for_a_low_pass() -> None:
+def swung_before_noisy_cameras(unit: Unit) -> ImuRecording:
+    """Return forty seconds of a pendulum, noise as in a laboratory: 1e-3 rad/s and 0.03 m/s², 3e-4 rad and 0.3 mm."""
     random = np.random.default_rng(4)
     curve = swung(random, 1.0)
     t_s = np.arange(4000) / 100.0
     motion = Motion(curve, 9.80665, np.zeros(3))
-    read = readings(Unit(), curve, t_s, np.full(4000, 25.0)) + np.repeat((1e-3, 3e-2), 3) * random.standard_normal(
+    read = readings(unit, curve, t_s, np.full(4000, 25.0)) + np.repeat((1e-3, 3e-2), 3) * random.standard_normal(
         (4000, 6)
     )
     x, y, z, w = motion.attitude(t_s).as_quat().T
     q = np.column_stack((w, x, y, z)) + 3e-4 * random.standard_normal((4000, 4))
     p_m = motion.reference_position(t_s) + 3e-4 * random.standard_normal((4000, 3))
     q /= np.linalg.norm(q, axis=1)[:, None]
-    simulation = simulated(ImuRecording(t_s, read[:, :3], read[:, 3:], t_s, q, p_m))
+    return ImuRecording(t_s, read[:, :3], read[:, 3:], t_s, q, p_m)
+
+
+def test_noise_of_the_reference_does_not_call_for_a_low_pass() -> None:
+    simulation = simulated(swung_before_noisy_cameras(Unit()))
     right = misfit(simulation, {})
     for wrong_hz in (12.0, 30.0):
         assert misfit(simulation, {"low_pass.gyro_hz": wrong_hz, "low_pass.acc_hz": wrong_hz}) > right
+
+
+@pytest.mark.parametrize("kind", ["gyro", "acc"])
+def test_noise_of_the_reference_does_not_make_a_filter_look_narrower(kind: str) -> None:
+    simulation = simulated(swung_before_noisy_cameras(Unit(cut_off_hz=(9.0, 9.0))))
+    other = {"gyro": "acc", "acc": "gyro"}[kind]
+    tried_hz = np.arange(8.0, 10.0, 0.02)
+    misfits = [misfit(simulation, {f"low_pass.{kind}_hz": hz, f"low_pass.{other}_hz": 9.0}) for hz in tried_hz]
+    assert tried_hz[int(np.argmin(misfits))] == pytest.approx(9.0, rel=0.03)
+
+
+def test_a_gap_of_the_cameras_is_not_heard_far_from_it() -> None:
+    whole = swung_before_noisy_cameras(Unit())
+    p_m = whole.p_W_m.copy()
+    p_m[2000:2030] = np.nan
+    gappy, seen = (reading_of(each) for each in (replace(whole, p_W_m=p_m), whole))
+    far = np.abs(seen.t_s - 20.15) > 1.0
+    assert np.abs(gappy.free[far] - seen.free[far]).max() < 0.02 * np.std(seen.free)
 
 
 def _rows(path: Path) -> list[list[str]]:

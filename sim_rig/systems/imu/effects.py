@@ -228,7 +228,7 @@ def _clipping(facts: Facts) -> Effect:
         ("acc_mps2", "m/s²", 4000.0, facts.most_mps2, facts.pinned[1]),
     ):
         low = (1.0 - 1e-3 if pinned else 0.9) * most
-        limits.append(Parameter(name, unit, np.inf, low, high, 2e-3 * most))
+        limits.append(Parameter(name, unit, np.inf, low, high, 5e-3 * most))
         starts.append({name: (1.0 - 1e-4 if pinned else 0.97) * most})
     return Effect(
         "clipping",

@@ -22,7 +22,7 @@ from scipy.signal import firwin, upfirdn
 
 from messages.errors import UserError
 from sim_rig.systems.imu.recording import LEAST_S, STANDARD_GRAVITY_MPS2, ImuRecording
-from sim_rig.systems.imu.smoothing import SMOOTHING_S, smoothing
+from sim_rig.systems.imu.smoothing import SETTLED_S, smoothing
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -99,32 +99,36 @@ def reading_of(recording: ImuRecording) -> Reading:
     free = np.einsum("nij,ni->nj", R, acceleration)
     sf = free + STANDARD_GRAVITY_MPS2 * R[:, 2]
     most_hz = _PASSED / step_s
+    measured = _on_grid(recording.t_s, np.hstack((recording.w_radps, recording.sf_mps2)), grid_s, step_s)
+    lost_q, lost_p = _dilated(~seen, dense * int(np.ceil(GUARD_S / step_s))).T
+    w_whole = _filled(w, lost_q, measured[:, :3], dense)
+    alpha_whole = _filled(alpha, lost_q, np.gradient(measured[:, :3], step_s, axis=0), dense)
+    free_whole = _filled(free, lost_p, measured[:, 3:] - STANDARD_GRAVITY_MPS2 * R[::dense, 2], dense)
     smooth = smoothing(w, sf, seen, dense / step_s, 1.0 / reference_step_s, most_hz)
     fold = max(1, int(most_hz / smooth.band_hz))
     kept = dense * fold
     taps = np.ones(1) if fold == 1 else _low_pass_taps(fold)
 
-    guard = int(np.ceil(GUARD_S / step_s)) + max(len(taps) // 2, round(SMOOTHING_S / step_s))
+    guard = int(np.ceil(GUARD_S / step_s)) + max(len(taps) // 2, round(SETTLED_S / step_s))
     lost = ~_there(recording.t_s, np.ones(len(recording.t_s), dtype=bool), grid_s)[:, None] | ~seen[::dense]
     edge = np.minimum(np.arange(len(grid_s)), np.arange(len(grid_s))[::-1]) < max(END_S / step_s, guard)
     masked = np.repeat(_dilated(lost, guard)[::fold] | edge[::fold, None], 3, axis=1)
     counted_s = float((~masked).mean(axis=1).sum() * fold * step_s)
     if counted_s < LEAST_S:
         raise UserError(f"recording: {counted_s:.2g} s without gaps of the reference, allowed {LEAST_S:g} s or more")
-    measured = _on_grid(recording.t_s, np.hstack((recording.w_radps, recording.sf_mps2)), grid_s, step_s)
     degC = recording.temperature_degC
     if degC is not None:
         degC = _low_passed(np.interp(grid_s, recording.t_s, degC)[:, None], taps, fold)[:, 0]
-    lever = (_skew(alpha) + _skew(w) @ _skew(w)).reshape(-1, 9)
+    lever = (_skew(alpha_whole) + _skew(w_whole) @ _skew(w_whole)).reshape(-1, 9)
     return Reading(
         t_s=grid_s[::fold],
         measured=np.where(masked, np.nan, _low_passed(measured, taps, fold)),
         ideal=_low_passed(np.hstack((w, sf)), _low_pass_taps(kept) if kept > 1 else taps, kept),
-        w=smooth.turning(w)[::kept],
-        free=smooth.force(free)[::kept],
+        w=smooth.turning(w_whole)[::kept],
+        free=smooth.force(free_whole)[::kept],
         up=smooth.force(R[:, 2])[::kept],
         lever=smooth.turning(lever)[::kept].reshape(-1, 3, 3),
-        inputs=smooth.inputs(w, sf)[::kept],
+        inputs=smooth.inputs(w_whole, free_whole + STANDARD_GRAVITY_MPS2 * R[:, 2])[::kept],
         temperature_degC=degC,
         start_s=float(recording.t_s[0]),
         most=(float(np.abs(recording.w_radps).max()), float(np.abs(recording.sf_mps2).max())),
@@ -213,6 +217,17 @@ def _there(t_s: Array, seen: Mask, grid_s: Array) -> Mask:
     whole = times[after] - times[after - 1] < _GAP * float(np.median(np.diff(t_s)))
     there: Mask = whole & (grid_s >= times[0]) & (grid_s <= times[-1])
     return there
+
+
+def _filled(values: Array, lost: Mask, coarse: Array, dense: int) -> Array:
+    """Return `values` (n, 3) with what is lost (n,) on lines through every `dense`-th value, `coarse`.
+
+    Where the cameras lost the motion the sensor itself tells it best: a bridge's error would ring on beyond the gap.
+    """
+    at = np.flatnonzero(lost)
+    whole: Array = values.copy()
+    whole[at] = np.column_stack([np.interp(at / dense, np.arange(len(coarse)), column) for column in coarse.T])
+    return whole
 
 
 def _low_pass_taps(fold: int) -> Array:

@@ -11,9 +11,8 @@ The chain, in the order in which it happens (all neutral leaves the first line a
     ω, f ← clipped at ± a limit                                                                                   (7)
     stamp = t + τ + ρ (t − t0)                               the IMU's clock against the reference's              (8)
 
-Constant matrices commute with the low pass that measured and predicted share; (3) and (6) act in frequency. (1) to
-(7) act on the motion that stands above the reference's noise, and what they change is added to the ideal reading with
-all noise; (8), which weakens nothing, acts on the sum.
+Constant matrices commute with the low pass that measured and predicted share; (3) and (6) act in frequency. All act on
+the motion that stands above the reference's noise, and what they change is added to the ideal reading with all noise.
 """
 
 from dataclasses import dataclass
@@ -70,11 +69,12 @@ class ImuSimulation:
     def predicted(self, values: Values) -> Array:
         """Return (1) to (8), (n, 6), behind the shared low pass; NaN where nothing was measured."""
         read, v = self.reading, _Lookup(values)
-        y = read.ideal + (self._read(v) - self._still)
+        told = self._read(v)
         offset_s, rate = v("time_offset", "value_s"), v("clock_drift", "rate")
         if offset_s or rate:
             since_s = read.t_s - read.start_s
-            y = self._at(y, since_s - (since_s - offset_s) / (1.0 + rate))
+            told = self._at(told, since_s - (since_s - offset_s) / (1.0 + rate))
+        y = read.ideal + (told - self._still)
         return np.where(self._masked, np.nan, y)
 
     def _read(self, v: "_Lookup") -> Array:

@@ -5,7 +5,7 @@ carries this noise has a flaw: whatever weakens it (a low pass of the sensor, sa
 stays in the prediction as it is, and only the motion that stands well above it passes through the effects. With the
 power S of the motion and N of the noise, that is the share
 
-    W(f) = S² / (S² + (5 N)²),   S + N seen,   N = N0 (2πf)^2k for the k-th derivative of white noise            (1)
+    W(f) = S² / (S² + (3 N)²),   S + N seen,   N = N0 (2πf)^2k for the k-th derivative of white noise            (1)
 
 What residuals are searched for (inputs) must hold no noise that the residual holds too: they end where S is 100 N.
 
@@ -25,19 +25,21 @@ from scipy.signal import fftconvolve
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-SMOOTHING_S: Final = 0.25
-"""Half the length of the filter's impulse response."""
+SETTLED_S: Final = 0.25
+"""After that an end or a gap is hardly heard any more."""
+_SMOOTHING_S: Final = 2.0
+"""Half the length of the filter's impulse response: a shorter one would blur its fall and weaken what is motion."""
 _SEGMENT_S: Final = 4.0
 _UPPER: Final = (0.25, 0.4)
 """Of the reference's rate: noise only, and still differentiated well."""
-_AROUND_HZ: Final = 1.25
+_AROUND_HZ: Final = 0.25
 _LEAST_BAND_HZ: Final = 10.0
 _MOST_BAND_HZ: Final = 30.0
 _MOST_OF_REFERENCE: Final = 0.3
 """Of the reference's rate: splines of degree seven keep second derivatives to 1 % that far."""
 _BURIED: Final = 0.5
 """S over N: the band ends where it stays below."""
-_WELL_ABOVE: Final = 5.0
+_WELL_ABOVE: Final = 3.0
 _OF_QUIETEST: Final = 1.4
 """The mean power of noise over that of its quietest fifth of stretches."""
 _MOST_COLOUR: Final = 8.0
@@ -90,7 +92,7 @@ def smoothing(w: Array, sf: Array, seen: Mask, rate_hz: float, reference_hz: flo
     top_hz = min(most_hz, _MOST_BAND_HZ, _MOST_OF_REFERENCE * reference_hz)
     band_hz = min(max(_LEAST_BAND_HZ, told_hz), top_hz)
     inside = f_hz <= band_hz
-    turning, force = (_taps(inside * ratio**2 / (ratio**2 + _WELL_ABOVE**2), rate_hz, SMOOTHING_S) for ratio in ratios)
+    turning, force = (_taps(inside * ratio**2 / (ratio**2 + _WELL_ABOVE**2), rate_hz, _SMOOTHING_S) for ratio in ratios)
     clear_hz = [float(f_hz[inside & (ratio > _FAR_ABOVE)].max(initial=0.0)) - _INPUT_EDGE_HZ for ratio in ratios]
     turning_input, force_input = (
         _taps(np.where(f_hz <= max(end_hz, _INPUT_EDGE_HZ), 1.0, 0.0), rate_hz, _INPUT_S) for end_hz in clear_hz
