@@ -152,7 +152,7 @@ def intervals(problem: Problem, white: Whitening, found: Fit, columns: FloatArra
     The covariance is the inverse Fisher matrix F⁻¹ or, where stretches of the recording disagree by more than it
     allows, the sandwich F⁻¹ M F⁻¹ with M = Σ s sᵀ of the stretches' scores. Each interval of an effect's parameter is
     then checked on the profile of χ² at both its ends: all others follow along the ridge and by one linear step, and
-    where χ² has not risen as far as it must, the end is moved out.
+    where χ² has not risen as far as it must, the end is moved out. No interval reaches beyond a parameter's bounds.
     """
     keys = (*problem.base, *found.keys)
     if not keys:
@@ -180,7 +180,8 @@ def intervals(problem: Problem, white: Whitening, found: Fit, columns: FloatArra
         for side in (0, 1):
             out = _profile(problem, white, found, keys, fisher, J, row, (-1.0, 1.0)[side], float(grown[row]))
             bounds[row, side] = at[row] + out * (bounds[row, side] - at[row])
-    return Intervals(keys, covariance, bounds)
+    allowed = np.array([problem.key_bounds(key) for key in keys])
+    return Intervals(keys, covariance, np.clip(bounds, allowed[:, :1], allowed[:, 1:]))
 
 
 def _profile(

@@ -4,16 +4,19 @@ A fresh process gets the files and nothing else. With 120 and more cases `gaitey
 """
 
 import secrets
-from functools import partial
 from pathlib import Path
 
 from sim_rig.hidden import platform as hidden
 from sim_rig.hidden.case import Case, Kind
-from tests.hidden_effect.trials import drawn, prevails
+from tests.hidden_effect.trials import prevails
 
 
 def test_what_is_hidden_is_named_what_is_not_is_not_and_what_nobody_knows_is_unknown(tmp_path: Path) -> None:
-    assert prevails(hidden, partial(drawn, "platform", hidden, hidden.EFFECTS, hidden.OUTSIDE), tmp_path)
+    assert prevails("platform", hidden, tmp_path)
+
+
+def test_two_effects_at_once_are_both_named(tmp_path: Path) -> None:
+    assert prevails("platform", hidden, tmp_path, (Kind.PAIR,))
 
 
 def test_a_case_follows_from_its_seed_alone_and_its_files_tell_nothing_of_it(tmp_path: Path) -> None:
