@@ -31,6 +31,9 @@ _MOST_SAMPLES = 6000
 _CHANCE = 0.01
 _MATERIAL = 0.01
 """Of the noise's power: what is predictable below that is the model's own numerical error."""
+_PLAIN = 0.05
+"""Likewise: what is predictable above that needs no second recording to be believed."""
+_CHANCE_ELSEWHERE = 0.1
 LEVEL = 1.3
 """Times the declared noise: what is left above that is no noise."""
 _LEVEL_CHANCE = 0.001
@@ -211,8 +214,14 @@ class Probe:
         return np.asarray(np.sum((self._white(residual, self._response) * self._kept) ** 2, axis=1), dtype=np.float64)
 
 
-def adequacy(problem: Problem, white: Whitening, probe: Probe, residual: FloatArray) -> tuple[Adequacy, Predictable]:
-    """Return whether a model with this raw `residual` (c, n) is adequate, and what of it the inputs predict."""
+def adequacy(
+    problem: Problem, white: Whitening, probe: Probe, residual: FloatArray, elsewhere: float
+) -> tuple[Adequacy, Predictable]:
+    """Return whether a model with this raw `residual` (c, n) is adequate, and what of it the inputs predict.
+
+    `elsewhere` is the chance of what the inputs predict of the same model's residual on another recording: little is
+    believed only if it is missing there too.
+    """
     found = probe.predictable(residual)
     own = white(residual)
     count = np.maximum(white.kept.sum(axis=1), 1)
@@ -222,7 +231,7 @@ def adequacy(problem: Problem, white: Whitening, probe: Probe, residual: FloatAr
     level = rms / known if known is not None else np.full(problem.c, np.nan)
     most = LEVEL * _level_by_chance(problem, white)
     reasons = []
-    if found.groups and float(found.share.max()) >= _MATERIAL:
+    if found.groups and float(found.share.max()) >= (_MATERIAL if elsewhere <= _CHANCE_ELSEWHERE else _PLAIN):
         where, told = problem.channels.names[int(np.argmax(found.share))], ", ".join(found.groups)
         reasons.append(f"{100.0 * float(found.share.max()):.1f} % of what is left in {where} follows from {told}")
     line = strongest_line(residual)

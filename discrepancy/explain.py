@@ -79,17 +79,20 @@ class _Views:
 
 def _judged(problem: Problem, other: Problem, told: _Told, seed: int) -> tuple[Adequacy, Adequacy, _Views]:
     """Return adequacy before and after, and both recordings as a report shows them."""
-    white = whitening(told.best.residual, problem.valid)
-    predicted = problem.predicted(told.base.values)
-    probe = Probe(problem, white, predicted, seed)
-    before, structured = adequacy(problem, white, probe, told.base.residual)
-    after, left = (before, structured) if not told.causes else adequacy(problem, white, probe, told.best.residual)
-
     base, extended = other.predicted(told.base.values), other.predicted(told.best.values)
     other.narrow(np.isfinite(base) & np.isfinite(extended))
     r_base, r_extended = other.difference(base), other.difference(extended)
-    white_held = whitening(r_extended, other.valid)
-    left_held = Probe(other, white_held, base, seed).predictable(r_extended)
+    probe_held = Probe(other, whitening(r_extended, other.valid), base, seed)
+    left_held = probe_held.predictable(r_extended)
+    base_held = probe_held.predictable(r_base) if told.causes else left_held
+
+    white = whitening(told.best.residual, problem.valid)
+    predicted = problem.predicted(told.base.values)
+    probe = Probe(problem, white, predicted, seed)
+    before, structured = adequacy(problem, white, probe, told.base.residual, base_held.chance)
+    after, left = before, structured
+    if told.causes:
+        after, left = adequacy(problem, white, probe, told.best.residual, left_held.chance)
     views = _Views(
         fit=_view(problem, predicted, problem.predicted(told.best.values), told.base.residual, told.best.residual),
         held_out=_view(other, base, extended, r_base, r_extended),

@@ -89,6 +89,22 @@ def test_a_cause_in_no_library_is_unknown_and_has_a_signature(cause: str) -> Non
     assert (low < 50.0 < high < 52.0 and low > 48.0) if cause == "hum" else low < 36.0
 
 
+@pytest.mark.parametrize(
+    ("size", "elsewhere", "verdict"), [(0.3, 0.3, "unknown"), (0.3, 0, "nothing"), (1, 0, "unknown")]
+)
+def test_a_little_that_no_cause_explains_is_believed_when_seen_twice(
+    size: float, elsewhere: float, verdict: str
+) -> None:
+    rng = np.random.default_rng(1)
+    both = []
+    for share in (size, elsewhere):
+        path = Path.drawn(rng)
+        still = measured(path, "", 1.0, _N)
+        truth = still + share * (measured(path, "gravity_wave", 1.0, _N) - still)
+        both.append(Rig(path, truth + coloured(rng, _N, _NOISE_N, 0.3)))
+    assert explain(both[0], both[1], seed=1).verdict.verdict == verdict
+
+
 @pytest.mark.parametrize("cause", ["delay", "coulomb"])
 def test_a_cause_taken_out_of_the_library_is_unknown(cause: str) -> None:
     withheld = {"delay": ("delay", "lag", "resonance", "damping"), "coulomb": ("coulomb", "damping")}[cause]
