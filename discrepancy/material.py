@@ -6,6 +6,7 @@ from math import isfinite
 
 import numpy as np
 
+from discrepancy.adequacy import LEVEL
 from discrepancy.fit import Fit, Intervals, columns_of, intervals
 from discrepancy.library import Candidate
 from discrepancy.problem import Problem
@@ -82,7 +83,8 @@ def _elsewhere_false(other: Problem, search: Search, best: Fit, causes: tuple[Ca
     """Return those of several causes, the most useless last, that do not pay on the recording held out.
 
     Each is held against the fit without it, both frozen, both under the noise that their own residuals tell: the noise
-    of either would favour it.
+    of either would favour it. But what is louder without it than the declared noise is none: a filter would take a
+    constant error for slow noise.
     """
     named = {each.effect: each for each in causes}
     if len(named) < 2:
@@ -92,9 +94,21 @@ def _elsewhere_false(other: Problem, search: Search, best: Fit, causes: tuple[Ca
     for name, cause in named.items():
         without = search.without(best, cause)
         rise = _minus_2_log_likelihood(other, without) - told
-        if rise < _CHANCE * (len(best.keys) - len(without.keys)):
+        if rise < _CHANCE * (len(best.keys) - len(without.keys)) and not louder(other, without, best):
             useless.append((rise, name))
     return [name for _, name in sorted(useless, reverse=True)]
+
+
+def louder(other: Problem, without: Fit, best: Fit) -> bool:
+    """Return whether some channel is above the declared noise `without` a cause, and above what is left with it."""
+    declared = other.channels.noise_std
+    if declared is None:
+        return False
+    rms, with_it = (
+        np.sqrt((other.residual(fit.values) ** 2 * other.valid).sum(axis=1) / np.maximum(other.valid.sum(axis=1), 1))
+        for fit in (without, best)
+    )
+    return bool(np.any(rms > LEVEL * np.maximum(declared, with_it)))
 
 
 def _minus_2_log_likelihood(other: Problem, fit: Fit) -> float:

@@ -8,7 +8,7 @@ from discrepancy.explain import explain
 from discrepancy.fit import Intervals
 from discrepancy.gain import gain
 from discrepancy.library import Candidate
-from discrepancy.material import deciding, immaterial
+from discrepancy.material import deciding, immaterial, louder
 from discrepancy.problem import Problem
 from discrepancy.refits import base_of
 from discrepancy.search import Search
@@ -73,3 +73,13 @@ def test_a_cause_of_the_fit_recording_alone_is_not_kept_beside_a_true_one() -> N
     held_out = rig("delay", seed=5)
     found = explain(fit, held_out, seed=1)
     assert [cause.name for cause in found.verdict.causes] == ["delay"]
+
+
+def test_a_constant_far_above_the_declared_noise_is_no_slow_noise() -> None:
+    held_out = Problem(rig("offset", noise_std=0.1))
+    base = base_of(held_out)[0]
+    without = replace(base, values={**base.values, "offset.fz_n": 0.0})
+    best = replace(base, values={**base.values, "offset.fz_n": 0.8})
+    assert louder(held_out, without, best)
+    assert not louder(held_out, best, best)
+    assert not louder(Problem(rig("offset")), without, best)

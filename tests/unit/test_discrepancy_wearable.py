@@ -7,8 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
+from messages import ImuSample
 from messages.errors import UserError
 from sim_rig.hidden.case import Case, Kind
 from sim_rig.hidden.wearable import EFFECTS, LOOK_ALIKES, OUTSIDE, PAIRS, SIZES
@@ -16,8 +19,10 @@ from sim_rig.hidden.wearable.physics import hidden
 from sim_rig.hidden.wearable.stage import write_recording
 from sim_rig.hidden.wearable.walk import draw_nuisance, sound_stage, sound_unit
 from sim_rig.systems.wearable import load, view
+from sim_rig.systems.wearable.blur import Steepness
 from sim_rig.systems.wearable.effects import library
 from sim_rig.systems.wearable.simulation import WearableSimulation
+from sim_rig.systems.wearable.tilt import Sensed
 
 SEED = 41
 FRAMES = 32
@@ -130,6 +135,42 @@ def test_soft_mount_lags_the_body_like_its_transfer_function(simulation: Wearabl
         simulation._gyro_C = kept
     s, omega = 2j * math.pi * shaken_hz, 2 * math.pi * hz
     assert np.abs(swing).max() == pytest.approx(abs(-s / (s * s + 2 * zeta * omega * s + omega**2)), rel=0.05)
+
+
+def test_a_smear_flattens_the_slope_along_it_as_the_picture_itself_tells() -> None:
+    random = np.random.default_rng(SEED)
+    picture = gaussian_filter(random.standard_normal((500, 500)), 1.5, mode="wrap")
+
+    def slopes(field: NDArray[np.float64]) -> float:
+        return float(np.log2(np.std(np.diff(field, axis=0)) / np.std(np.diff(field, axis=1))))
+
+    lags = (1, 2, 3, 4, 6, 8, 12)
+    difference = np.array([[np.mean((picture[:, lag:] - picture[:, :-lag]) ** 2) for lag in lags]])
+    told = Steepness(lags, difference)
+    for smear_px in (5, 9):
+        smeared = uniform_filter1d(picture, smear_px, axis=0, mode="wrap")
+        expected = slopes(smeared) - slopes(picture)
+        assert told.loss(np.array([[float(smear_px)]]))[0, 0] == pytest.approx(expected, rel=0.3)
+    assert told.loss(np.array([[0.0]]))[0, 0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_samples_are_dated_by_the_line_that_the_driver_laid_last() -> None:
+    true_ns = 20_000_000_000 + 10_000_000 * np.arange(400)
+    early = np.where(np.arange(400) < 360, 2_000_000 - 4_000 * np.arange(400), 0)
+    missing = np.arange(400) != 123
+    dated = Sensed.of([_sample(t_ns) for t_ns in (true_ns + early)[missing]], sound_unit(SEED).exact_calibration()).t_s
+    assert dated == pytest.approx(true_ns[missing] * 1e-9, abs=1e-8)
+
+
+def _sample(t_ns: np.int64) -> ImuSample:
+    return ImuSample(
+        seq=0,
+        t_sample_ns=int(t_ns),
+        t_arrival_ns=int(t_ns),
+        sf_B_mps2=(0.0, 0.0, 9.81),
+        w_WB_B_radps=(0.0, 0.0, 0.0),
+        temperature_degC=25.0,
+    )
 
 
 def test_without_reference_only_the_disparities_are_judged(folder: Path, tmp_path: Path) -> None:

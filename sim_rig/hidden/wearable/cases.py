@@ -69,7 +69,7 @@ PAIRS: tuple[tuple[str, str], ...] = (
 )
 
 LOOK_ALIKES: tuple[tuple[str, ...], ...] = (
-    ("focal_error", "distortion_residual", "toe_in", "ground_not_flat"),
+    ("focal_error", "distortion_residual", "toe_in", "ground_not_flat", "baseline_error", "extrinsic_rotation"),
     ("imu_bias", "acceleration_disturbance"),
 )
 

@@ -14,7 +14,8 @@ from sim_rig.unit import HEIGHT_PX, WIDTH_PX
 FloatArray = NDArray[np.float64]
 
 _NODE_PX = 16
-_CONTRAST_BOX = 31
+_CONTRAST_BOX = 15
+_MATT = 12.0  # grey levels
 
 
 def moved_right(stage: Stage, shift_px: Callable[[NDArray[np.float32], GreyImage], NDArray[np.float32]]) -> Retouch:
@@ -29,9 +30,15 @@ def moved_right(stage: Stage, shift_px: Callable[[NDArray[np.float32], GreyImage
     rays_C = undistorted_rays(stage.told.stereo.right, u, v) @ R_CR.T
     rays_C /= rays_C[..., 2:]
     row_ns = np.rint((v - (HEIGHT_PX - 1) / 2) * stage.unit.stereo.row_time_s * 1e9).astype(np.int64)
-    R_BC = np.array(stage.told.X_BL.R) @ rectifier.R_LC
-    p_BL = np.array(stage.told.X_BL.p_m)
+    R_BC = np.array(stage.unit.X_BL.R) @ rectifier.R_LC  # where the eye truly looks, through the lenses as told
+    p_BL = np.array(stage.unit.X_BL.p_m)
     columns, rows = np.meshgrid(np.arange(WIDTH_PX, dtype=np.float32), np.arange(HEIGHT_PX, dtype=np.float32))
+
+    def everywhere(nodes: FloatArray) -> NDArray[np.float32]:
+        at = (columns / _NODE_PX, rows / _NODE_PX)
+        return cv2.remap(nodes.astype(np.float32), *at, cv2.INTER_LINEAR)  # type: ignore[return-value]
+
+    raw_per_rectified = everywhere(1.0 / (rectifier.f_px * np.gradient(rays_C[..., 0], _NODE_PX, axis=1)))
 
     def disparity(k: int) -> NDArray[np.float32]:
         motion = stage.gait.at(stage.true_ns(k) + row_ns)
@@ -40,14 +47,11 @@ def moved_right(stage: Stage, shift_px: Callable[[NDArray[np.float32], GreyImage
         normal = np.stack((-np.sin(slope), 0 * slope, np.cos(slope)), axis=-1)
         theta = -np.einsum("nij,ni->nj", R_WC, normal) * (rectifier.baseline_m / (height_m * np.cos(slope)))[:, None]
         at_nodes = np.einsum("vui,vi->vu", rays_C, theta) / (1.0 - theta[:, :1])  # seen from the right eye's place
-        nodes = (rectifier.f_px * at_nodes).astype(np.float32)
-        return cv2.remap(nodes, columns / _NODE_PX, rows / _NODE_PX, cv2.INTER_LINEAR)  # type: ignore[return-value]
+        return everywhere(rectifier.f_px * at_nodes)
 
     def retouch(k: int, left: GreyImage, right: GreyImage) -> tuple[GreyImage, GreyImage]:
-        raw_px = 2.0 * shift_px(disparity(stage.shown(k)), right)
-        moved = cv2.remap(
-            right, columns + raw_px.astype(np.float32), rows, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
-        )
+        raw_px = raw_per_rectified * shift_px(disparity(stage.shown(k)), right)
+        moved = cv2.remap(right, columns + raw_px, rows, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         return left, np.asarray(moved, np.uint8)
 
     return retouch
@@ -66,20 +70,16 @@ def locked(amplitude_px: float) -> Callable[[NDArray[np.float32], GreyImage], ND
 def glossy(per_octave_px: float) -> Callable[[NDArray[np.float32], GreyImage], NDArray[np.float32]]:
     """Return the shift of ground whose strong texture seems to lie deeper or higher than it does, as gloss has it.
 
-    Counted from the mean contrast of the first picture.
+    Contrast is that of the picture as the camera gives it, binned; texture of `_MATT` is seen where it is.
     """
-    level: list[float] = []
 
     def shift_px(_disparity: NDArray[np.float32], right: GreyImage) -> NDArray[np.float32]:
+        grey = cv2.resize(right, (WIDTH_PX // 2, HEIGHT_PX // 2), interpolation=cv2.INTER_AREA).astype(np.float32)
         box = (_CONTRAST_BOX, _CONTRAST_BOX)
-        grey = right.astype(np.float32)
         variance = cv2.sqrBoxFilter(grey, cv2.CV_32F, box) - cv2.blur(grey, box) ** 2
         wide = cv2.blur(variance, (4 * _CONTRAST_BOX, 4 * _CONTRAST_BOX))
-        octaves = 0.5 * np.log2(np.maximum(wide, 1.0))
-        if not level:
-            level.append(float(octaves.mean()))
-        shift: NDArray[np.float32] = per_octave_px * (octaves - np.float32(level[0]))
-        return shift
+        shift = per_octave_px * 0.5 * np.log2(np.maximum(wide, 1.0) / _MATT**2)
+        return np.asarray(cv2.resize(shift, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_LINEAR), np.float32)
 
     return shift_px
 

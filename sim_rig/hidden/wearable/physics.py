@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -14,7 +15,7 @@ from messages import Lens, Matrix3, StereoCalibration, matrix3, vec3
 from perception.rectify import Rectifier
 from sim_rig.hidden.case import sign
 from sim_rig.hidden.wearable.eye import dirty, glossy, locked, moved_right
-from sim_rig.hidden.wearable.stage import FRAME_NS, Stage
+from sim_rig.hidden.wearable.stage import FRAME_NS, Retouch, Stage
 from sim_rig.unit import HEIGHT_PX, Unit
 from sim_rig.walk.gait import IntArray
 
@@ -151,7 +152,7 @@ def _rolling_shutter(size: float, _random: np.random.Generator) -> Hidden:
 
 
 def _pixel_locking(size: float, _random: np.random.Generator) -> Hidden:
-    return Hidden({"amplitude_px": size}, lambda stage: _retouched(stage, moved_right(stage, locked(size))))
+    return Hidden({"amplitude_px": size}, lambda stage: _retouched(stage, partial(moved_right, shift_px=locked(size))))
 
 
 def _exposure_change(size: float, random: np.random.Generator) -> Hidden:
@@ -175,7 +176,8 @@ def _exposure_change(size: float, random: np.random.Generator) -> Hidden:
 
 def _texture_bias(size: float, random: np.random.Generator) -> Hidden:
     value = sign(random) * size
-    return Hidden({"per_octave_px": value}, lambda stage: _retouched(stage, moved_right(stage, glossy(value))))
+    gloss = partial(moved_right, shift_px=glossy(value))
+    return Hidden({"per_octave_px": value}, lambda stage: _retouched(stage, gloss))
 
 
 def _ground_not_flat(size: float, random: np.random.Generator) -> Hidden:
@@ -220,7 +222,7 @@ def _swinging(stage: Stage, hz: float, zeta: float) -> Callable[[IntArray], Floa
 def _dirty_lens(size: float, random: np.random.Generator) -> Hidden:
     centre = (float(random.uniform(0.35, 0.65)), float(random.uniform(0.5, 0.75)))
     shift_px = sign(random) * size
-    return Hidden({"shift_px": shift_px}, lambda stage: _retouched(stage, dirty(shift_px, centre)))
+    return Hidden({"shift_px": shift_px}, lambda stage: _retouched(stage, lambda _: dirty(shift_px, centre)))
 
 
 def _eyes_out_of_step(size: float, _random: np.random.Generator) -> Hidden:
@@ -299,7 +301,7 @@ def _with_stereo(truly: Callable[[StereoCalibration], StereoCalibration]) -> Cha
     return lambda stage: replace(stage, unit=replace(stage.unit, stereo=truly(stage.unit.stereo)))
 
 
-def _retouched(stage: Stage, retouch: Callable[..., tuple[NDArray[np.uint8], NDArray[np.uint8]]]) -> Stage:
+def _retouched(stage: Stage, retouch: Callable[[Stage], Retouch]) -> Stage:
     return replace(stage, retouch=(*stage.retouch, retouch))
 
 

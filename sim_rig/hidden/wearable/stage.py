@@ -41,6 +41,7 @@ _TRACK_NS = 5_000_000
 _TRACK_MARGIN_NS = 150_000_000
 _LATENCY_NS = 38_000_000
 _MARKER_FILTER_S = 0.015
+_GRAIN_MARGIN = 256
 
 
 def _nothing(t_ns: IntArray) -> FloatArray:
@@ -59,7 +60,8 @@ class Stage:
     rotation vector (n, 3) in the left camera's axes; `vehicle_W_mps2` (n, 3) is how the room itself accelerates, which
     neither `gait` nor the laboratory's reference sees. `stamp_error_ns` is stamp minus true mid-exposure.
     The right eye looks `lag_right_ns` later; frame k shows what frame `shown(k)` saw; pictures are exposed for
-    `untold_exposure_s` longer than their headers say. `retouch` alters the finished pictures, 1280×720.
+    `untold_exposure_s` longer than their headers say. `retouch` alters the finished pictures, 1280×720, of the stage
+    that is given to it: the one in the end, with all that other causes change.
     `ground_says` turns the true slope and height (n,) into what the laboratory writes down. `reference_noise` is the
     deviation in rad and m, `grain` that of the pictures' additional noise in grey levels.
     """
@@ -78,7 +80,7 @@ class Stage:
     mount_C_rad: Callable[[IntArray], FloatArray] = _nothing
     vehicle_W_mps2: Callable[[IntArray], FloatArray] = _nothing
     unit_at: Callable[[int], Unit] | None = None
-    retouch: tuple[Retouch, ...] = ()
+    retouch: tuple[Callable[["Stage"], Retouch], ...] = ()
     shown: Callable[[int], int] = field(default=lambda k: k)
     ground_says: Callable[[IntArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None = None
     reference_noise: tuple[float, float] = (5e-5, 5e-5)
@@ -178,12 +180,11 @@ def _samples(stage: Stage) -> Iterator[ImuSample]:
 
 def _pairs(stage: Stage) -> Iterator[StereoFrame]:
     eyes = _Eyes(stage)
-    grain = np.random.default_rng([stage.seed, 11])
+    grain = _Grain(stage)
+    retouches = [retouch(stage) for retouch in stage.retouch]
     for k in range(stage.frames):
-        left, right = eyes.see(stage.shown(k))
-        if stage.grain > 0.0:
-            left, right = (_grainy(picture, stage.grain, grain) for picture in (left, right))
-        for retouch in stage.retouch:
+        left, right = (grain.on(picture) for picture in eyes.see(stage.shown(k)))
+        for retouch in retouches:
             left, right = retouch(k, left, right)
         true_ns = stage.true_ns(k)
         header = FrameHeader(
@@ -200,11 +201,18 @@ def _pairs(stage: Stage) -> Iterator[StereoFrame]:
         yield StereoFrame(header=header, left=left, right=right)
 
 
-def _grainy(picture: GreyImage, deviation: float, random: np.random.Generator) -> GreyImage:
-    noise = np.empty(picture.shape, np.float32)
-    cv2.setRNGSeed(int(random.integers(1 << 30)))
-    cv2.randn(noise, 0.0, deviation)  # type: ignore[call-overload]
-    return cv2.add(picture, noise, dtype=cv2.CV_8U)  # type: ignore[return-value]
+class _Grain:
+    """Noise of a picture, a stretch at a random place of one large field for each: drawing it anew takes far longer."""
+
+    def __init__(self, stage: Stage) -> None:
+        self._random = np.random.default_rng([stage.seed, 11])
+        shape = (HEIGHT_PX + _GRAIN_MARGIN, WIDTH_PX + _GRAIN_MARGIN)
+        self._field = np.float32(stage.grain) * self._random.standard_normal(shape, dtype=np.float32)
+
+    def on(self, picture: GreyImage) -> GreyImage:
+        row, column = self._random.integers(0, _GRAIN_MARGIN, 2)
+        noise = self._field[row : row + HEIGHT_PX, column : column + WIDTH_PX]
+        return cv2.add(picture, noise, dtype=cv2.CV_8U)  # type: ignore[return-value]
 
 
 class _Eyes:

@@ -49,12 +49,12 @@ _IMU = (
 _CAMERA = (
     Effect(
         "extrinsic_rotation",
-        (_free("x_rad", "rad", 0.2, 4e-4), _free("z_rad", "rad", 0.2, 6e-4)),
+        (_free("x_rad", "rad", 0.2, 1e-3), _free("z_rad", "rad", 0.2, 1e-3)),
         "The cameras are turned against the IMU, in pitch (about C's x) or roll (about z), otherwise than calibrated.",
         "Calibrate the rotation between camera and IMU again.",
         "Stand still above level ground and turn on the spot: the slope that is seen turns with it. (A turn about "
         "C's y shows like one about z at 45° of pitch; z stands for both.)",
-        choices=(("x_rad",), ("z_rad",)),
+        choices=(("x_rad",), ("z_rad",), ("x_rad", "z_rad")),
     ),
     Effect(
         "time_offset",
@@ -65,28 +65,28 @@ _CAMERA = (
     ),
     Effect(
         "baseline_error",
-        (_free("share", "1", 0.2, 1e-3),),
+        (_free("share", "1", 0.2, 1.5e-3),),
         "The distance between the cameras is larger than calibrated by this share: all disparities grow alike.",
         "Measure the baseline anew: calibrate with a board of known size.",
         "Look at ground from two known heights: a wrong baseline errs by the same share at both, a toe-in does not.",
     ),
     Effect(
         "focal_error",
-        (_free("share", "1", 0.2, 2e-3),),
+        (_free("share", "1", 0.2, 3e-3),),
         "Both focal lengths are longer than calibrated by this share: depth and the angle of every ray change.",
         "Calibrate the lenses again; keep them at the temperature of use.",
         "Look at a board of known size at a known distance, right in the middle and far out.",
     ),
     Effect(
         "toe_in",
-        (_free("y_rad", "rad", 0.05, 1e-4),),
+        (_free("y_rad", "rad", 0.05, 2e-4),),
         "The right camera is turned against the left about its y axis: disparities move by about f times the angle.",
         "Calibrate the pair again, with distant points.",
         "Look at something 20 m away: its disparity must vanish.",
     ),
     Effect(
         "distortion_residual",
-        (_free("k1", "1", 0.2, 1e-3),),
+        (_free("k1", "1", 0.2, 2e-3),),
         "The lenses bend rays otherwise than calibrated: a plane is seen as a bowl.",
         "Calibrate the lenses again with the board in the corners of the picture.",
         "Look at a flat wall from several distances: the bowl stays in the picture, a bend of the ground does not.",
@@ -120,7 +120,7 @@ _CAMERA = (
 _PICTURE = (
     Effect(
         "motion_blur",
-        (Parameter("exposure_s", "s", 0.0, 0.0, 0.1, 6e-4),),
+        (Parameter("exposure_s", "s", 0.0, 0.0, 0.1, 1.4e-3),),
         "The picture is exposed for longer than its header says, and smears along its motion.",
         "Shorten the exposure and add light or gain; read the true exposure from the camera.",
         "Stand still: a blur of motion goes, one of the lens stays.",
@@ -142,14 +142,16 @@ _PICTURE = (
     ),
     Effect(
         "texture_bias",
-        (_free("per_octave_px", "px", 0.5, 0.02),),
-        "Disparity depends on how strong the ground's texture is: by this much for each doubling of contrast.",
+        (_free("per_octave_px", "px", 0.5, 0.02), Parameter("at_octaves", "1", 3.7, 1.0, 7.0, 0.2)),
+        "Disparity depends on how strong the ground's texture is: by this much for each doubling of contrast, counted "
+        "from 2 to the power of `at_octaves` grey levels.",
         "Look for gloss and for glass before one eye; compare matchers; trust rich texture more.",
         "Lay a printed sheet, half strong and half faint, on the same ground.",
+        starts=({"per_octave_px": 0.1}, {"per_octave_px": -0.1}),
     ),
     Effect(
         "ground_not_flat",
-        (_free("sagittal_per_m", "1/m", 1.0, 2e-3), _free("frontal_per_m", "1/m", 1.0, 4e-3)),
+        (_free("sagittal_per_m", "1/m", 1.0, 3e-3), _free("frontal_per_m", "1/m", 1.0, 4e-3)),
         "The ground bends up from the plane that was measured, along the walk or across it.",
         "Measure the ground where the foot lands, or as more than one plane.",
         "Walk the same way over a floor known to be flat.",

@@ -49,7 +49,7 @@ def shares(simulation: WearableSimulation) -> tuple[tuple[str, ...], FloatArray]
     for effect in simulation.effects:
         for choice in effect.choices or (tuple(p.name for p in effect.parameters),):
             J = np.stack(_columns(simulation, effect, choice, white, base), axis=-1)
-            names.append(effect.name if not effect.choices else f"{effect.name}.{choice[0]}")
+            names.append(effect.name if not effect.choices else f"{effect.name}.{'+'.join(choice)}")
             blocks.append(J - Q @ (Q.T @ J))
     table = np.eye(len(names))
     for a, b in combinations(range(len(names)), 2):

@@ -7,6 +7,7 @@ runs through several pixels within a patch, free of the matcher's rounding; that
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -28,10 +29,11 @@ _MARGIN_PX = 5.0
 _LEAST_DISPARITY_PX = 2.0
 _MOST_DISPARITIES = 128
 _LEAST_SHARE = 0.4
-_NEAR_PX = 0.5
 _CONTRAST_BOX_PX = 15
-_LOCKING_PIXELS = 96
-"""So few that the matcher's own change from surface to surface, 0.004 px, stays within this number's noise."""
+LAGS_PX = (1, 2, 3, 4, 6, 8, 12)
+_LOCKING_PIXELS = 150
+"""So few that the matcher's own change from surface to surface, 0.003 px, stays within this number's noise."""
+_COUNT = 3 * PATCHES + 2 + len(LAGS_PX)
 
 
 @dataclass(frozen=True)
@@ -77,17 +79,19 @@ class Layout:
 
 @dataclass(frozen=True)
 class FrameNumbers:
-    """What is kept of n frames: headers; per patch (n, p) the median misfit in px and the contrast as log2 of grey
-    levels; per frame (n,) how strongly the misfit follows the fraction of disparity, its robust deviation in px, and
-    log2 of how steep the picture is downwards against across, which a blur downwards lowers.
+    """What is kept of n frames: headers; per patch (n, p) the median misfit in px, the contrast as log2 of grey levels
+    and how far the texture leans; per frame (n,) how much disparities crowd about whole pixels, in px, and log2 of how
+    steep the picture is downwards against across, which a blur downwards lowers; and (n, lags) how much the picture
+    differs from itself moved across by LAGS_PX, in squares of grey levels.
     """
 
     headers: tuple[FrameHeader, ...]
     misfit_px: FloatArray
     contrast: FloatArray
+    lean: FloatArray
     locking_px: FloatArray
-    spread_px: FloatArray
     sharpness: FloatArray
+    difference: FloatArray
 
 
 def measure(frames: Iterable[StereoFrame], rectifier: Rectifier, layout: Layout, path: GroundPath) -> FrameNumbers:
@@ -97,16 +101,17 @@ def measure(frames: Iterable[StereoFrame], rectifier: Rectifier, layout: Layout,
     for frame in frames:
         headers.append(frame.header)
         rows.append(_numbers(frame, matcher, rectifier, layout, path))
-    table = np.array(rows).reshape(len(rows), 2 * PATCHES + 3)
-    misfit, contrast = table[:, :PATCHES], table[:, PATCHES : 2 * PATCHES]
-    return FrameNumbers(tuple(headers), misfit, contrast, *table[:, 2 * PATCHES :].T)
+    table = np.array(rows).reshape(len(rows), _COUNT)
+    misfit, contrast, lean = (table[:, k * PATCHES : (k + 1) * PATCHES] for k in range(3))
+    locking, sharpness, difference = np.split(table[:, 3 * PATCHES :], (1, 2), axis=1)
+    return FrameNumbers(tuple(headers), misfit, contrast, lean, locking[:, 0], sharpness[:, 0], difference)
 
 
 def _numbers(
     frame: StereoFrame, matcher: SemiGlobalMatcher, rectifier: Rectifier, layout: Layout, path: GroundPath
 ) -> FloatArray:
     theta, rate = path.theta_at(frame.header.t_exposure_ns * 1e-9)
-    nothing = np.full(2 * PATCHES + 3, np.nan)
+    nothing = np.full(_COUNT, np.nan)
     if not np.isfinite(theta).all():
         return nothing
     expected = layout.rays_C @ theta + layout.row_time_s * (layout.rays_C @ rate)
@@ -121,31 +126,46 @@ def _numbers(
         return nothing
     median = np.full(PATCHES, np.nan)
     median[seen] = np.nanmedian(misfit[seen], axis=1)
-    about = misfit - median[:, None]
-    phase = 2.0 * np.pi * (_tiles(expected) + median[:, None])
     left, _ = rectifier.rectify(frame.left, frame.right, layout.window, 0)
-    spread = 1.4826 * float(np.nanmedian(np.abs(about)))
-    return np.concatenate(
-        (median, _contrast(left), (_locking(about, phase, frame.header.seq), spread, _sharpness(left)))
-    )
+    whole = (_crowding(disparity, frame.header.seq), _sharpness(left))
+    return np.concatenate((median, _contrast(left), _lean(left), whole, _difference(left)))
 
 
-def _locking(about_px: FloatArray, phase: FloatArray, seq: int) -> float:
-    """Return twice the mean of misfit · sin(phase) over `_LOCKING_PIXELS` pixels, others in each frame."""
-    near = np.flatnonzero(np.abs(about_px.ravel()) < _NEAR_PX)
-    if len(near) < _LOCKING_PIXELS:
+def _crowding(disparity_px: NDArray[np.float32], seq: int) -> float:
+    """Return the mean of cos 2πd over `_LOCKING_PIXELS` pixels drawn by the frame's number, over π.
+
+    Disparities d − a sin 2πd of evenly spread d have the mean J₁(2πa), which is πa for small a.
+    """
+    seen = disparity_px[np.isfinite(disparity_px)]
+    if len(seen) < _LOCKING_PIXELS:
         return float("nan")
-    some = near[np.linspace(seq * 37 % 101, len(near) - 1, _LOCKING_PIXELS).astype(int)]
-    return 2.0 * float(np.mean(np.sin(phase.ravel()[some]) * about_px.ravel()[some]))
+    some = np.random.default_rng(seq).choice(seen, _LOCKING_PIXELS)  # even steps could meet even phases
+    return float(np.mean(np.cos(2.0 * np.pi * some))) / np.pi
 
 
 def _contrast(left: GreyImage) -> FloatArray:
     """Return (p,) log2 of the deviation, in grey levels, from the surroundings of `_CONTRAST_BOX_PX`."""
     grey = left.astype(np.float32)
     detail = grey - cv2.blur(grey, (_CONTRAST_BOX_PX, _CONTRAST_BOX_PX))
-    power = _tiles((detail[::_STRIDE, ::_STRIDE] ** 2).astype(np.float64)).mean(axis=1)
+    power = _tiles(detail[::_STRIDE, ::_STRIDE] ** 2).mean(axis=1, dtype=np.float64)
     contrast: FloatArray = 0.5 * np.log2(np.maximum(power, 1e-3))
     return contrast
+
+
+def _lean(left: GreyImage) -> FloatArray:
+    """Return (p,) how far the texture leans across per pixel down: −Σ g_x g_y / Σ g_x², g the slope of the grey.
+
+    Where the partner stands a pixel too low, the row above is matched in its place; what fits best there, in the sense
+    of least squares, lies so much to the side.
+    """
+    grey = left.astype(np.float32)
+    across, down = (cv2.Sobel(grey, cv2.CV_32F, dx, dy) for dx, dy in ((1, 0), (0, 1)))
+    square, mixed = (
+        _tiles(product[::_STRIDE, ::_STRIDE]).mean(axis=1, dtype=np.float64)
+        for product in (across * across, across * down)
+    )
+    lean: FloatArray = -mixed / np.maximum(square, 1e-3)
+    return lean
 
 
 def _sharpness(left: GreyImage) -> float:
@@ -154,9 +174,15 @@ def _sharpness(left: GreyImage) -> float:
     return 0.5 * float(np.log2((np.mean(down**2) + 1e-3) / (np.mean(across**2) + 1e-3)))
 
 
-def _tiles(image: FloatArray) -> FloatArray:
+def _difference(left: GreyImage) -> FloatArray:
+    """Return (lags,) the mean square of the picture minus itself, moved across by LAGS_PX."""
+    grey = left.astype(np.float32)
+    return np.array([np.mean((grey[:, lag:] - grey[:, :-lag]) ** 2, dtype=np.float64) for lag in LAGS_PX])
+
+
+def _tiles(image: NDArray[Any]) -> NDArray[Any]:
     """Return (p, pixels, …): the patches of an image (rows, columns, …), row by row."""
     rows, columns = image.shape[0] // ROWS, image.shape[1] // COLUMNS
     tiles = image.reshape(ROWS, rows, COLUMNS, columns, *image.shape[2:]).swapaxes(1, 2)
-    patches: FloatArray = tiles.reshape(PATCHES, rows * columns, *image.shape[2:])
+    patches: NDArray[Any] = tiles.reshape(PATCHES, rows * columns, *image.shape[2:])
     return patches

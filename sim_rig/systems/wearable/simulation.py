@@ -19,10 +19,11 @@ from messages.errors import UserError
 from perception.foothold import FootholdSettings
 from perception.stereo_camera import StereoCamera
 from sim_rig.systems.wearable import tilt, view
+from sim_rig.systems.wearable.blur import Steepness
 from sim_rig.systems.wearable.effects import library
 from sim_rig.systems.wearable.ground_path import GRID_S, Attitude, GroundPath, Smooth
 from sim_rig.systems.wearable.own_attitude import own_attitude
-from sim_rig.systems.wearable.pictures import COLUMNS, PATCHES, ROWS, FrameNumbers, Layout, measure
+from sim_rig.systems.wearable.pictures import COLUMNS, LAGS_PX, PATCHES, ROWS, FrameNumbers, Layout, measure
 from sim_rig.systems.wearable.recording import LEAST_FRAMES, WearableFiles, read_files, read_frames, read_samples
 
 FloatArray = NDArray[np.float64]
@@ -31,17 +32,16 @@ SYSTEM = "wearable"
 _POLYNOMIALS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
 _DISPARITY = ("mean", "x", "y", "xx", "xy", "yy", "xxx", "xxy", "xyy", "yyy")
 _LEAST_PATCHES = 16
-_DISPARITY_NOISE = (0.02, 0.008, 0.015, 0.0065, 0.007, 0.007, 0.004, 0.004, 0.004, 0.006)
-_PICTURE_NOISE = (0.02, 0.07)
-_TILT_NOISE = (5e-4, 5e-4, 8e-4, 8e-4)
-"""What the rig's sound recordings left at most, RMS, seeds 1 and 5: a constant beyond it is an error, not noise."""
-_LOCKING_PX = -0.150
-_OFFSET_PX = -0.040
-"""What semi-global matching does on the rig's own, perfect pictures: it rounds down, and draws to whole pixels."""
-_LOCKING_SEEN = 0.53
+_DISPARITY_NOISE = (0.022, 0.007, 0.015, 0.0065, 0.007, 0.007, 0.004, 0.004, 0.004, 0.006)
+_PICTURE_NOISE = (0.019, 0.05)
+_TILT_NOISE = (1e-4, 1e-4, 1.4e-3, 1.4e-3)
+"""What the rig's sound recordings leave, RMS, in the loudest of them: a constant beyond it is an error, not noise."""
+_LOCKING_PX = 0.165
+_OFFSET_PX, _OFFSET_PER_OCTAVE_PX, _OCTAVES = -0.038, 0.013, 3.7
+"""What semi-global matching does on the rig's own, perfect pictures: it draws to whole pixels and rounds down, by so
+much where the contrast is 2^3.7 grey levels, less where it is stronger."""
+_LOCKING_SEEN = 0.29
 """The share of a locking in the pictures that the matcher's smoothing over its window leaves; measured likewise."""
-_SHARP_PX = 4.7
-"""A smear of this length, in px of the matched picture, takes half an octave of steepness; measured likewise."""
 
 
 def load(folder: Path) -> "WearableSimulation":
@@ -81,10 +81,14 @@ class WearableSimulation:
         self._stamp_s = np.array([header.t_exposure_ns for header in numbers.headers]) * 1e-9
         exposure_s = np.array([header.exposure_s for header in numbers.headers])
         self._exposure_s = exposure_s
-        self._scene = view.scene_of(self._path, self._layout, self._rectifier, calibration, self._stamp_s, position)
+        self._scene = view.scene_of(
+            self._path, self._layout, self._rectifier, calibration, self._stamp_s, position, np.nan_to_num(numbers.lean)
+        )
         self._theta = self._path.theta(self._stamp_s[:, None] + self._layout.centre_time_s)
         self._late = view.right_rows_late(self._scene, self._layout, 1.0)
-        self._contrast = numbers.contrast - np.nanmedian(numbers.contrast)
+        self._steepness = Steepness(LAGS_PX, numbers.difference)
+        self._contrast = numbers.contrast
+        self._matcher_px = _OFFSET_PX + _OFFSET_PER_OCTAVE_PX * (numbers.contrast - _OCTAVES)
         self._ground_px = np.where(np.isfinite(self._scene.disparity_px), self._scene.disparity_px, 0.0)
         self._level_px = self._ground_px.mean(axis=1, keepdims=True)
         self._operator = _operators(np.isfinite(numbers.misfit_px))
@@ -102,10 +106,10 @@ class WearableSimulation:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return what the base model leaves open: how far the matcher rounds down, how late IMU samples are dated."""
-        rounding = Parameter("matcher_offset_px", "px", _OFFSET_PX, _OFFSET_PX - 0.1, _OFFSET_PX + 0.1, 0.005)
-        dating = Parameter("imu_late_s", "s", 0.0, -5e-3, 5e-3, 1e-4)
-        return (rounding,) if self._tilt is None else (rounding, dating)
+        """Return what the base model leaves open: how late IMU samples are dated, and by how much that grows."""
+        late = Parameter("imu_late_s", "s", 0.0, -5e-3, 5e-3, 1e-4)
+        drift = Parameter("imu_drift", "1", 0.0, -2e-3, 2e-3, 5e-5)
+        return () if self._tilt is None else (late, drift)
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -118,16 +122,17 @@ class WearableSimulation:
         def of(effect: str, parameter: str, neutral: float = 0.0) -> float:
             return float(values.get(f"{effect}.{parameter}", neutral))
 
-        disparity = self._disparity(of) + values.get("matcher_offset_px", _OFFSET_PX)
+        disparity = self._disparity(of) + self._matcher_px
         disparity = np.where(np.isfinite(disparity), disparity, 0.0)
         columns = [self._coefficients(disparity - self._ground_px)]
-        locking = np.full(len(self._stamp_s), _LOCKING_PX - _LOCKING_SEEN * of("pixel_locking", "amplitude_px"))
+        locking = np.full(len(self._stamp_s), _LOCKING_PX + _LOCKING_SEEN * of("pixel_locking", "amplitude_px"))
         exposed_s = self._exposure_s + of("motion_blur", "exposure_s")
-        steepness = view.smeared(self._scene, exposed_s, _SHARP_PX)
+        steepness = view.smeared(self._scene, exposed_s, self._steepness)
         columns.append(self._level_px + np.stack((locking, _change(steepness)), axis=-1))
         if self._tilt is not None:
-            late_s = values.get("imu_late_s", 0.0)
-            columns.append(self._tilted(self._tilt, of) + late_s * self._tilt.of_lateness)
+            since_s = self._stamp_s - self._stamp_s.mean()
+            late_s = values.get("imu_late_s", 0.0) + values.get("imu_drift", 0.0) * since_s
+            columns.append(self._tilted(self._tilt, of) + late_s[:, None] * self._tilt.of_lateness)
         return self._uniform(np.concatenate(columns, axis=1))
 
     def _disparity(self, of: _Of) -> FloatArray:
@@ -162,7 +167,7 @@ class WearableSimulation:
         if along != 0.0 or across != 0.0:
             d = d + view.bent_ground(scene, self._ahead_m, along, across)
         if (per_octave_px := of("texture_bias", "per_octave_px")) != 0.0:
-            d = d + per_octave_px * self._contrast
+            d = d + per_octave_px * (self._contrast - of("texture_bias", "at_octaves", _OCTAVES))
         return d
 
     def _coefficients(self, beside_px: FloatArray) -> FloatArray:

@@ -3,17 +3,18 @@
 R_WB is the reference's. What the sensors add to it is, to first order, a small rotation φ in W; two of them are kept:
 
     φ̇_g = R_WB (w − w_ref) − φ_g / T_g                                    gyroscope, forgetting in T_g            (1)
-    T_a φ̇_a = e_z × (R_WB sf − a_ref − g e_z) / g − φ_a                    direction of gravity, over T_a          (2)
+    (1 + T_a d/dt)² φ_a = e_z × (R_WB sf − a_ref − g e_z) / g              direction of gravity, over T_a          (2)
 
-Both are linear in the sensors' errors, so that a bias or an acceleration acts through the same filters. What is faster
-than a few hertz is smoothed away: there the sensors' own low-pass differs from the reference's, and no bias acts.
+Both are linear in the sensors' errors, so that a bias or an acceleration acts through the same filters. Their times are
+chosen where the sensors' noise, which is white, falls below that of the differentiated reference, which rises with the
+frequency and with its square: so what is left is about as white as the frames are frequent, and a recording of a few
+seconds holds as many independent numbers as it has frames.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
 from messages import Calibration, ImuSample
@@ -23,10 +24,10 @@ from sim_rig.systems.wearable.ground_path import Attitude, Smooth
 FloatArray = NDArray[np.float64]
 
 GRAVITY_MPS2 = 9.80665
-GYRO_TIME_S, GRAVITY_TIME_S = 2.0, 0.3
+GYRO_TIME_S, GRAVITY_TIME_S = 0.2, 0.08
 _STEP_S = 0.01
-_SMOOTH_S = 0.05
 _ONSET_S = 0.2
+_LAST_SAMPLES = 24
 CHANNELS = ("gyro_roll_rad", "gyro_pitch_rad", "gravity_roll_rad", "gravity_pitch_rad")
 
 
@@ -43,10 +44,26 @@ class Sensed:
         """Return the samples after the unit's calibration."""
         values = [corrected(sample, calibration.imu) for sample in samples]
         return Sensed(
-            np.array([sample.t_sample_ns for sample in samples]) * 1e-9,
+            _dated(np.array([sample.t_sample_ns for sample in samples], dtype=np.int64)),
             np.array([value.sf_B_mps2 for value in values]),
             np.array([value.w_WB_B_radps for value in values]),
         )
+
+
+def _dated(stamp_ns: NDArray[np.int64]) -> FloatArray:
+    """Return (n,) s: when the samples were taken, on the line that the recording's last stamps lie on.
+
+    A chip samples evenly. A driver that only polls it learns the line's place and slope as it goes, and lays it anew by
+    up to some milliseconds when it knows better; at the recording's end it knows best.
+    """
+    steps = np.diff(stamp_ns)
+    periods = np.maximum(np.rint(steps / np.median(steps)), 1.0)
+    place = np.concatenate(([0.0], np.cumsum(periods)))
+    since_s = (stamp_ns - stamp_ns[-1]) * 1e-9
+    period_s = float(np.median(np.diff(since_s)[-_LAST_SAMPLES:] / periods[-_LAST_SAMPLES:]))
+    begin_s = float(np.median((since_s - period_s * place)[-_LAST_SAMPLES // 2 :]))
+    dated: FloatArray = stamp_ns[-1] * 1e-9 + begin_s + period_s * place
+    return dated
 
 
 class Tilt:
@@ -71,8 +88,11 @@ class Tilt:
         roll, pitch = -np.arcsin(R_WC[:, 2, 0]), np.arcsin(-R_WC[:, 2, 2])
         self.reference = np.stack((roll, pitch, roll, pitch), axis=-1)
         nothing = np.zeros((len(t_s), 2))
-        turning = np.einsum("nij,nj->ni", R_WB, np.gradient(sensed.w_B[known], t_s, axis=0))
-        self.of_lateness = self._seen(-turning[:, :2], nothing)
+        turning, jerk = (
+            np.einsum("nij,nj->ni", R_WB, np.gradient(values[known], t_s, axis=0))[:, :2]
+            for values in (sensed.w_B, sensed.sf_B)
+        )
+        self.of_lateness = self._seen(-turning, -jerk)
         self.of_gyro_bias = [self._seen(R_WB[:, :2, axis], nothing) for axis in range(3)]
         self.of_acc_bias = [self._seen(nothing, R_WB[:, :2, axis]) for axis in range(3)]
 
@@ -87,9 +107,9 @@ class Tilt:
         """Return (frames, 4) of an error of rate and one of specific force (samples, 2), level axes of W."""
         tilt = np.stack((force_W[:, 1], -force_W[:, 0]), axis=-1) / GRAVITY_MPS2
         phi_g = _forgetting(self._on_grid(turn_W), GYRO_TIME_S) * GYRO_TIME_S
-        phi_a = _forgetting(self._on_grid(tilt), GRAVITY_TIME_S)
+        phi_a = _forgetting(_forgetting(self._on_grid(tilt), GRAVITY_TIME_S), GRAVITY_TIME_S)
         columns = []
-        for phi in (gaussian_filter1d(phi, _SMOOTH_S / _STEP_S, axis=0) for phi in (phi_g, phi_a)):
+        for phi in (phi_g, phi_a):
             at = np.stack([np.interp(self._frame_s, self._grid_s, phi[:, i]) for i in range(2)], axis=-1)
             columns += [np.einsum("ni,ni->n", at, self.ahead_W), np.einsum("ni,ni->n", at, self.left_W)]
         return np.stack(columns, axis=-1)

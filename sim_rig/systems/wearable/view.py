@@ -12,16 +12,12 @@ from numpy.typing import NDArray
 
 from messages import Calibration, Lens
 from perception.rectify import Rectifier
+from sim_rig.systems.wearable.blur import Steepness
 from sim_rig.systems.wearable.ground_path import GroundPath, Smooth
 from sim_rig.systems.wearable.pictures import Layout
 
 FloatArray = NDArray[np.float64]
 Swelling = Callable[[Lens, FloatArray], FloatArray]
-
-ROW_FOLLOWING = 0.55
-"""How much of a vertical misalignment the matcher turns into disparity along the texture, measured with the rig."""
-
-_SMEAR_POWER = 0.9
 
 
 @dataclass(frozen=True)
@@ -50,8 +46,12 @@ def scene_of(
     calibration: Calibration,
     stamp_s: FloatArray,
     position: Smooth | None,
+    lean: FloatArray,
 ) -> Scene:
-    """Return what is seen at the stamps (n,). Without `position` the camera turns but does not travel."""
+    """Return what is seen at the stamps (n,) of texture with the `lean` (n, p).
+
+    Without `position` the camera turns but does not travel.
+    """
     f_px, r = rectifier.f_px, layout.centre_C
     theta = path.theta(stamp_s[:, None] + layout.centre_time_s)
     d = np.einsum("npi,pi->np", theta, r)
@@ -73,7 +73,7 @@ def scene_of(
         right_x=right_x,
         flow_R=_flow(right, w_C, v_C, near, f_px),
         flow_px_s=_flow(np.broadcast_to(r, right.shape), w_C, v_C, near, f_px),
-        fall_px=ROW_FOLLOWING * (_lean(theta, r) - theta[..., 1] / f_px),
+        fall_px=lean - theta[..., 1] / f_px,
         place_m=place,
         height_m=height_m,
     )
@@ -84,18 +84,6 @@ def _flow(rays: FloatArray, w_C: FloatArray, v_C: FloatArray, near: FloatArray, 
     rate = -np.cross(w_C[:, None], rays) - v_C[:, None] * near
     flow: FloatArray = f_px * (rate[..., :2] - rays[..., :2] * rate[..., 2:])
     return flow
-
-
-def _lean(theta: FloatArray, r: FloatArray) -> FloatArray:
-    """Return (n, p): how far texture, isotropic on the ground, leans across per pixel down in the picture.
-
-    With the point P = r / (θ·r) of the ground and G = JᵀJ, J = ∂P/∂(x, y): −G_xy / G_xx.
-    """
-    q = np.einsum("npi,pi->np", theta, r)[..., None]
-    J_x = np.array([1.0, 0.0, 0.0]) * q - r * theta[..., :1]
-    J_y = np.array([0.0, 1.0, 0.0]) * q - r * theta[..., 1:2]
-    lean: FloatArray = -(J_x * J_y).sum(axis=-1) / (J_x * J_x).sum(axis=-1)
-    return lean
 
 
 def misaligned(scene: Scene, across_px: FloatArray, down_px: FloatArray) -> FloatArray:
@@ -163,14 +151,10 @@ def bent_ground(scene: Scene, ahead_m: float, sagittal_per_m: float, frontal_per
     return bent
 
 
-def smeared(scene: Scene, exposed_s: FloatArray, sharp_px: float) -> FloatArray:
-    """Return (n,) octaves by which smears L = flow · exposure change the steepness downwards against that across.
-
-    Each direction's falls as 1 / √(1 + (L / L₀)^0.9), L₀ = `sharp_px`: a law measured on the rig's textures.
-    """
-    smear = np.abs(scene.flow_px_s) * exposed_s[:, None, None] / sharp_px
-    loss = 0.5 * np.log2(1.0 + smear**_SMEAR_POWER)
-    change: FloatArray = np.mean(loss[..., 0] - loss[..., 1], axis=1)
+def smeared(scene: Scene, exposed_s: FloatArray, steepness: Steepness) -> FloatArray:
+    """Return (n,) octaves by which smears, flow · exposure, change the steepness downwards against that across."""
+    across_px, down_px = np.moveaxis(np.abs(scene.flow_px_s) * exposed_s[:, None, None], -1, 0)
+    change: FloatArray = np.mean(steepness.loss(down_px) - steepness.loss(across_px), axis=1)
     return change
 
 
