@@ -152,7 +152,8 @@ def intervals(problem: Problem, white: Whitening, found: Fit, columns: FloatArra
     The covariance is the inverse Fisher matrix F⁻¹ or, where stretches of the recording disagree by more than it
     allows, the sandwich F⁻¹ M F⁻¹ with M = Σ s sᵀ of the stretches' scores. Each interval of an effect's parameter is
     then checked on the profile of χ² at both its ends: all others follow along the ridge and by one linear step, and
-    where χ² has not risen as far as it must, the end is moved out. No interval reaches beyond a parameter's bounds.
+    where χ² has not risen as far as it must, the end is moved out. What the formula itself may be off by is added. No
+    interval reaches beyond a parameter's bounds.
     """
     keys = (*problem.base, *found.keys)
     if not keys:
@@ -174,7 +175,8 @@ def intervals(problem: Problem, white: Whitening, found: Fit, columns: FloatArra
     covariance = fisher * np.outer(grown, grown)
     scale = np.array([problem.parameters[key].scale for key in keys])
     at = np.array([found.values[key] for key in keys])
-    half = np.hypot(INTERVAL_95 * np.sqrt(np.diag(covariance)), _NUMERICAL) * scale
+    inexact = np.array([problem.parameters[key].inexact for key in keys]) * np.abs(at)
+    half = np.hypot(np.hypot(INTERVAL_95 * np.sqrt(np.diag(covariance)), _NUMERICAL) * scale, inexact)
     bounds = np.column_stack((at - half, at + half))
     for row in range(len(problem.base), len(keys)):
         for side in (0, 1):

@@ -26,6 +26,8 @@ class Parameter:
 
     `neutral` is the value without the effect, or where the base fit starts; infinite where only that is neutral, as for
     a resonance. `scale` is a change that matters physically: steps of differentiation and tests of being zero go by it.
+    `inexact` is the share of the value that the simulation's own formula may be off by, known from sources of truth other
+    than the recording: an interval claims no less (GUM, evaluation of type B).
     """
 
     name: str
@@ -34,10 +36,13 @@ class Parameter:
     low: float
     high: float
     scale: float
+    inexact: float = 0.0
 
     def __post_init__(self) -> None:
         if not (self.low < self.high and self.scale > 0.0 and math.isfinite(self.scale)):
             raise ValueError(f"{self.name}: low < high and 0 < scale < ∞ are needed")
+        if not 0.0 <= self.inexact < 1.0:
+            raise ValueError(f"{self.name}: 0 ≤ inexact < 1 is needed")
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ _HEADING = """\
 # Effects
 
 What a simulation may leave out, by system: the names that `verdict.json`, `extended.toml`, `--only` and `--without`
-take. An effect's parameters are its whole freedom; without it they have the value in the last column. This page is
-written by `gaiteyes explain effects --out docs/effects.md`.
+take. An effect's parameters are its whole freedom, with their values without it. By how much a formula itself may err, of
+the value, was measured on development recordings, whose truth is known; intervals hold it. This page is written by
+`gaiteyes explain effects --out docs/effects.md`.
 """
 
 
@@ -50,19 +51,20 @@ def page(by_system: Mapping[str, Iterable[Effect]]) -> str:
 
 
 def _section(effect: Effect) -> str:
-    alike: dict[tuple[str, str], list[str]] = {}
+    alike: dict[tuple[str, str, str], list[str]] = {}
     for parameter in effect.parameters:
         neutral = _neutral(parameter, alone=len(effect.parameters) == 1)
-        alike.setdefault((parameter.unit, neutral), []).append(f"`{parameter.name}`")
-    rows = [f"| {', '.join(names)} | {unit} | {neutral} |" for (unit, neutral), names in alike.items()]
+        inexact = f"{100.0 * parameter.inexact:g} %" if parameter.inexact else ""
+        alike.setdefault((parameter.unit, neutral, inexact), []).append(f"`{parameter.name}`")
+    rows = [f"| {', '.join(names)} | {' | '.join(rest)} |" for rest, names in alike.items()]
     return "\n".join(
         (
             f"### `{effect.name}`\n",
             f"{effect.explanation}\n",
             f"- What to do: {effect.remedy}",
             f"- What tells it apart: {effect.experiment}\n",
-            "| parameter | unit | without it |",
-            "|---|---|---|",
+            "| parameter | unit | without it | formula's own error |",
+            "|---|---|---|---|",
             *rows,
             "",
         )

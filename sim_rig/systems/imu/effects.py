@@ -207,7 +207,7 @@ def _dynamics(facts: Facts) -> Iterable[Effect]:
         Effect(
             "vibration",
             (
-                *(Parameter(f"{axis}_hz", "Hz", np.inf, 3.0, 300.0, 0.1) for axis in AXES),
+                *(Parameter(f"{axis}_hz", "Hz", np.inf, 3.0, 300.0, 0.1, inexact=0.02) for axis in AXES),
                 Parameter("zeta", "1", 0.1, 0.005, 1.0, 0.01),
             ),
             "The sensor shakes on its mount: near the mount's resonance its acceleration is amplified.",
