@@ -17,12 +17,16 @@ def simulate(
     picture: Annotated[
         Path | None, typer.Option(help="Also draw the run: .png, .svg, .pdf, or .gif to animate.")
     ] = None,
+    extended: Annotated[
+        Path | None, typer.Option(help="extended.toml of `explain platform`: with its effects and the body it tells.")
+    ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")] = None,
 ) -> None:
     """Simulate the vibrating platform and write what its instruments record.
 
     The truth is written too, into a table that no estimator reads. A recording with the foot states the plate's
-    inertia, as if an earlier run had told it.
+    inertia, as if an earlier run had told it. Effects become mechanics and instruments of the rig by other formulas
+    than the finder's; one that the rig has no mechanism for is refused.
     """
     import numpy as np
 
@@ -35,23 +39,33 @@ def simulate(
         from sim_rig.platform.run import simulate as simulated
     except ModuleNotFoundError as error:
         raise UserError(f"the platform's simulation needs {error.name}: pip install 'gaiteyes[lab]'") from error
+    from discrepancy.extended import read_extended
+    from sim_rig.hidden.platform.extension import Run
+    from sim_rig.hidden.platform.extension import extended as simulated_extended
     from sim_rig.platform.picture import draw
     from sim_rig.platform.rig import FOOT, PLATE, THESIS_NOISE, Rig
 
-    rig = Rig(foot=FOOT if foot else None)
-    run = simulated(RunSettings(rig=rig, update_hz=rate, duration_s=seconds, raw=raw), seed)
-    recording = measured(run, THESIS_NOISE if noise else None, seed, PLATE if foot else None)
-    recording.save(out, run.truth)
-    if picture is not None:
-        draw(run, picture)
+    if extended is not None:
+        if picture is not None:
+            raise UserError("--picture: draws the rig as it is, without --extended")
+        told = read_extended(extended, "platform")
+        settings = Run(foot=foot, update_hz=rate, duration_s=seconds, seed=seed, noise=noise, raw=raw)
+        recording, truth = simulated_extended(settings, told.parameters, told.effects, str(extended))
+    else:
+        rig = Rig(foot=FOOT if foot else None)
+        run = simulated(RunSettings(rig=rig, update_hz=rate, duration_s=seconds, raw=raw), seed)
+        recording, truth = measured(run, THESIS_NOISE if noise else None, seed, PLATE if foot else None), run.truth
+        if picture is not None:
+            draw(run, picture)
+    recording.save(out, truth)
     names = ("θ about Z, °", "φ about X, °", "fx, N", "fy, N", "fz, N", "tx, N m", "ty, N m", "tz, N m")
-    channels = np.hstack((np.rad2deg(run.angles_rad), recording.wrench))
+    channels = np.hstack((np.rad2deg(recording.plate.euler_rad[:, 1:]), recording.wrench))
     deviations, largest = channels.std(axis=0).tolist(), np.abs(channels).max(axis=0).tolist()
     table(
-        f"{out}: {len(run.t_s)} samples, {seconds:g} s, seed {seed}",
+        f"{out}: {len(recording.t_s)} samples, {seconds:g} s, seed {seed}",
         ["", "standard deviation", "largest"],
         [[name, f"{s:.3g}", f"{m:.4g}"] for name, s, m in zip(names, deviations, largest, strict=True)],
     )
     if json is not None:
         sizes = {name: {"deviation": s, "largest": m} for name, s, m in zip(names, deviations, largest, strict=True)}
-        write_json(json, {"folder": str(out), "samples": len(run.t_s), "seed": seed, "channels": sizes})
+        write_json(json, {"folder": str(out), "samples": len(recording.t_s), "seed": seed, "channels": sizes})

@@ -3,6 +3,7 @@
 import math
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from discrepancy.explanation import Explanation
@@ -20,6 +21,8 @@ _HEADING = """\
 # `gaiteyes explain simulate` loads it. What is missing has its neutral value.
 """
 _FIELDS = ("value", "unit", "low", "high")
+Entry = tuple[float, str]
+"""A value and its unit."""
 
 
 def extended_text(explanation: Explanation) -> str:
@@ -33,55 +36,83 @@ def extended_text(explanation: Explanation) -> str:
     return _HEADING + "\n".join(lines) + "\n"
 
 
-def load_extended(path: Path, simulation: Simulation) -> dict[str, float]:
-    """Return the values in `path` as `simulation.predicted` takes them.
+@dataclass(frozen=True)
+class Extended:
+    """What extended.toml says: of base model and effects every parameter's value and unit."""
 
-    Raises UserError naming file and field where it is another system's, names what the simulation has not, states
-    another unit, or a value outside its bounds.
-    """
+    parameters: dict[str, Entry]
+    effects: dict[str, dict[str, Entry]]
+
+
+def read_extended(path: Path, system: str) -> Extended:
+    """Return what `path` says, for whoever simulates `system`; raises UserError, naming the field, for another form."""
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise UserError(f"{path}: {error}") from error
-    if document.get("system") != simulation.system:
-        raise UserError(f'{path}: system is {document.get("system")!r}; expected "{simulation.system}"')
+    if document.get("system") != system:
+        raise UserError(f'{path}: system is {document.get("system")!r}; expected "{system}"')
     for name in document:
         if name not in ("system", "parameters", "effects"):
             raise UserError(f"{path}: {name} is unknown; expected system, parameters, effects")
-    values = _values(path, "parameters", document.get("parameters", {}), simulation.parameters, "")
+    effects = _table(path, "effects", document.get("effects", {}))
+    return Extended(
+        _entries(path, "parameters", document.get("parameters", {})),
+        {name: _entries(path, f"effects.{name}", table) for name, table in effects.items()},
+    )
+
+
+def load_extended(path: Path, simulation: Simulation) -> dict[str, float]:
+    """Return the values in `path` as `simulation.predicted` takes them.
+
+    Raises UserError naming file and field where it is another system's, names what the simulation has not, states
+    another unit, or a value outside its bounds.
+    """
+    told = read_extended(path, simulation.system)
+    values = _values(path, "parameters", told.parameters, simulation.parameters, "")
     effects = {effect.name: effect for effect in simulation.effects}
-    for name, table in _table(path, "effects", document.get("effects", {})).items():
+    for name, entries in told.effects.items():
         if name not in effects:
             raise UserError(f"{path}: effects.{name} is not in the library of {simulation.system}")
-        values |= _values(path, f"effects.{name}", table, effects[name].parameters, f"{name}.")
+        values |= _values(path, f"effects.{name}", entries, effects[name].parameters, f"{name}.")
     return values
 
 
-def _values(path: Path, place: str, table: object, parameters: tuple[Parameter, ...], prefix: str) -> dict[str, float]:
+def _values(
+    path: Path, place: str, entries: Mapping[str, Entry], parameters: tuple[Parameter, ...], prefix: str
+) -> dict[str, float]:
     known = {parameter.name: parameter for parameter in parameters}
     values = {}
-    for name, entry in _table(path, place, table).items():
+    for name, (value, unit) in entries.items():
         field = f"{place}.{name}"
         if name not in known:
             raise UserError(f"{path}: {field} is unknown; expected {', '.join(known) or 'nothing here'}")
-        values[prefix + name] = _value(path, field, _table(path, field, entry), known[name])
+        parameter = known[name]
+        if unit != parameter.unit:
+            raise UserError(f'{path}: {field}.unit is {unit!r}; expected "{parameter.unit}"')
+        if not (parameter.low <= value <= parameter.high or value == parameter.neutral):
+            raise UserError(f"{path}: {field}.value is {value}; expected {parameter.low:g} to {parameter.high:g}")
+        values[prefix + name] = value
     return values
 
 
-def _value(path: Path, field: str, entry: Mapping[str, object], parameter: Parameter) -> float:
-    for name in entry:
-        if name not in _FIELDS:
-            raise UserError(f"{path}: {field}.{name} is unknown; expected {', '.join(_FIELDS)}")
-    if entry.get("unit") != parameter.unit:
-        raise UserError(f'{path}: {field}.unit is {entry.get("unit")!r}; expected "{parameter.unit}"')
-    value = entry.get("value")
-    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
-        raise UserError(f"{path}: {field}.value is {value!r}; expected a number")
-    if not (parameter.low <= value <= parameter.high or value == parameter.neutral):
-        raise UserError(f"{path}: {field}.value is {value}; expected {parameter.low:g} to {parameter.high:g}")
-    return float(value)
+def _entries(path: Path, place: str, table: object) -> dict[str, Entry]:
+    entries = {}
+    for name, each in _table(path, place, table).items():
+        field = f"{place}.{name}"
+        entry = _table(path, field, each)
+        for key in entry:
+            if key not in _FIELDS:
+                raise UserError(f"{path}: {field}.{key} is unknown; expected {', '.join(_FIELDS)}")
+        value, unit = entry.get("value"), entry.get("unit")
+        if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+            raise UserError(f"{path}: {field}.value is {value!r}; expected a number")
+        if not isinstance(unit, str):
+            raise UserError(f"{path}: {field}.unit is {unit!r}; expected a text")
+        entries[name] = (float(value), unit)
+    return entries
 
 
 def _table(path: Path, field: str, value: object) -> Mapping[str, object]:

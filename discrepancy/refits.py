@@ -87,6 +87,19 @@ class Refits:
                     out.append(Candidate(effect, choice, tuple(new), start, rows, c.offset if start else None))
         return out
 
+    def _begun_beside(self, fit: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
+        """Return those of the started candidates that begin best beside a fit, one for each set of parameters.
+
+        The difference that a start makes at the base model, with the effect's other parameters at starts too, says
+        nothing of the one that it makes where these are fitted already.
+        """
+        begun: dict[tuple[str, ...], tuple[float, Candidate]] = {}
+        for each in candidates:
+            chi2 = float(np.sum(self.white(self._problem.residual({**fit.values, **each.start})) ** 2))
+            if each.keys not in begun or chi2 < begun[each.keys][0]:
+                begun[each.keys] = (chi2, each)
+        return [each for _, each in begun.values()]
+
     def _matters(self, fit: Fit, cause: Candidate) -> bool:
         """Return whether a parameter of a cause is further from neutral than its scale, or has no finite neutral."""
         for key in cause.keys:

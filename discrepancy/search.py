@@ -153,9 +153,15 @@ class Search(Refits):
             best = self._recoloured(best)
             proposals: list[tuple[Fit, tuple[Candidate, ...]]] = []
             others = [c for c in self._library.candidates if c.effect not in {each.effect for each in causes}]
-            for candidate, drop in self._ranked(best, [*others, *self._wider(causes)])[:_SHORT_JOINT]:
+            wider = self._wider(causes)
+            neutral = [c for c in wider if c.offset is None]
+            for candidate, drop in self._ranked(best, [*others, *neutral])[:_SHORT_JOINT]:
                 if drop - self._price(candidate.keys) > 0.5 * least:
                     proposals.append((self._joined(best, candidate, _FIRST_STEPS), (*causes, candidate)))
+            proposals += [
+                (self._joined(best, candidate, _FIRST_STEPS), (*causes, candidate))
+                for candidate in self._begun_beside(best, [c for c in wider if c.offset is not None])
+            ]
             if len(causes) == 1:
                 proposals += self._pairs_from_base(couples, order, best, least, linear - price)
             material = _OF_EXCESS * max(best.chi2 - self.white.count, 0.0)

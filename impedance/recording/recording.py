@@ -114,6 +114,20 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     update_hz: float | None = None
     seed: int | None = None
 
+    @classmethod
+    def of(cls, plate: Inertia, foot: Inertia | None, update_hz: float | None, seed: int) -> "Truth":
+        """Return the truth of a plate in P and a foot in F."""
+        return cls(
+            plate_mass_kg=plate.mass_kg,
+            plate_cog_m=tuple(plate.cog_m.tolist()),
+            plate_inertia_kgm2=tuple(plate.about_cog().tolist()),
+            foot_mass_kg=None if foot is None else foot.mass_kg,
+            foot_cog_m=None if foot is None else tuple(foot.cog_m.tolist()),
+            foot_inertia_kgm2=None if foot is None else tuple(foot.about_cog().tolist()),
+            update_hz=update_hz,
+            seed=seed,
+        )
+
     @property
     def plate(self) -> Inertia:
         """Return the plate's inertia in P."""

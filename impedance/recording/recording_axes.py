@@ -7,6 +7,10 @@ Small motions about level, within a band where gravity hardly counts:
 with positive factors, the centre of gravity being on the plate's side of the joint. So four triples of columns,
 positions, angles, forces and moments, tell of the same two rotations. One triple that disagrees with the others and
 agrees once its columns are exchanged or reversed has them so.
+
+A strap or a damper above the sensor adds moments in proportion to angles and rates that may be larger than those of
+inertia, and dry friction does nearly so: whatever angles and rates tell is taken out of all columns before they are
+compared. And what neither rotation moves is the smallest of its triple: an exchange after which it is not is none.
 """
 
 from itertools import permutations, product
@@ -81,10 +85,16 @@ def check_axes(
     if valid.mean() < _DISAGREES:
         return
     columns = _in_band(np.hstack((motion, wrench)), valid, rate_hz)
-    columns[:, :6] = np.gradient(np.gradient(columns[:, :6], 1.0 / rate_hz, axis=0), 1.0 / rate_hz, axis=0)
-    triples = [columns[valid, 3 * k : 3 * k + 3] for k in range(4)]
-    _check_swaps(where, triples)
-    _check_slopes(where, motion, triples, joint_to_surface_m, plate_mass_kg)
+    rates = np.gradient(columns[:, :6], 1.0 / rate_hz, axis=0)
+    slow = np.hstack((columns[:, 3:6], rates[:, 3:]))[valid]
+    columns[:, :6] = np.gradient(rates, 1.0 / rate_hz, axis=0)
+    moved = columns[valid]
+    _check_swaps(where, _triples(moved - slow @ np.linalg.lstsq(slow, moved, rcond=None)[0]))
+    _check_slopes(where, motion, _triples(moved), joint_to_surface_m, plate_mass_kg)
+
+
+def _triples(columns: Array) -> list[Array]:
+    return [columns[:, 3 * k : 3 * k + 3] for k in range(4)]
 
 
 def _check_swaps(where: tuple[str, str], triples: list[Array]) -> None:
@@ -104,13 +114,20 @@ def _check_swaps(where: tuple[str, str], triples: list[Array]) -> None:
 
 
 def _healing(changed: list[int], triples: list[Array], rest: list[Array]) -> tuple[list[int], Array] | None:
-    """Return the order and signs of columns by which the triples `changed` agree with the `rest`, if any do."""
+    """Return the order and signs of columns by which the triples `changed` agree with the `rest`, if any do.
+
+    The triples that are changed together have the same idle column, and it must be their smallest.
+    """
+    idle = _idle(changed[0])
+    smallest = {int(np.argmin((triples[k] ** 2).sum(axis=0))) for k in changed}
     changes = [
         (list(order), np.array(signs))
         for order in permutations(range(3))
         for signs in product((1.0, -1.0), repeat=3)
-        if signs[_idle(changed[0])] > 0.0
+        if signs[idle] > 0.0 and smallest == {order[idle]}
     ]
+    if not changes:
+        return None
     healed = [
         np.median(
             [_agreement(_turns(triples[k][:, order] * signs, _TURNS[k]), other) for k in changed for other in rest]

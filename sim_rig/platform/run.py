@@ -76,18 +76,8 @@ class SimulatedRun:
     @property
     def truth(self) -> Truth:
         """Return what no estimator may know."""
-        rig = self.settings.rig
-        foot = rig.foot
-        return Truth(
-            plate_mass_kg=rig.plate.mass_kg,
-            plate_cog_m=tuple(rig.plate.cog_m.tolist()),
-            plate_inertia_kgm2=tuple(rig.plate.about_cog().tolist()),
-            foot_mass_kg=None if foot is None else foot.mass_kg,
-            foot_cog_m=None if foot is None else tuple(foot.cog_m.tolist()),
-            foot_inertia_kgm2=None if foot is None else tuple(foot.about_cog().tolist()),
-            update_hz=None if self.settings.excitation else self.settings.update_hz,
-            seed=self.seed,
-        )
+        rig, settings = self.settings.rig, self.settings
+        return Truth.of(rig.plate, rig.foot, None if settings.excitation else settings.update_hz, self.seed)
 
 
 def simulate(settings: RunSettings, seed: int) -> SimulatedRun:

@@ -14,6 +14,7 @@ import numpy as np
 
 from impedance.body import geometry
 from impedance.body.rigid_body import Array, cross_matrix
+from sim_rig.platform.memory import last_kept, with_play
 from sim_rig.platform.rig import FOOT, THESIS_NOISE, Rig
 from sim_rig.thesis import signals as do
 from sim_rig.thesis.signals import Signals
@@ -164,7 +165,7 @@ def _saturation(mask: Array, s: Signals, size: float) -> Signals:
 
 
 def _backlash(mask: Array, s: Signals, size: float) -> Signals:
-    return s.with_wrench(do.with_play(s.wrench, 0.5 * size * mask))
+    return s.with_wrench(with_play(s.wrench, 0.5 * size * mask, 0.0))
 
 
 def _wrench_steps(s: Signals, size: float) -> Signals:
@@ -186,9 +187,10 @@ def _position_steps(s: Signals, size: float) -> Signals:
 
 def _dropped(motion: bool, s: Signals, size: float) -> Signals:
     lost = np.random.default_rng((s.seed, 1)).random(len(s.wrench)) < size
+    last = last_kept(lost)
     if not motion:
-        return s.with_wrench(do.held(s.wrench, lost))
-    return s.with_motion(do.held(s.plate, lost), None if s.foot is None else do.held(s.foot, lost))
+        return s.with_wrench(s.wrench[last])
+    return s.with_motion(s.plate[last], None if s.foot is None else s.foot[last])
 
 
 def _foot_tared(s: Signals, size: float) -> Signals:

@@ -10,6 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing import get_context
+from os import getpid
 from pathlib import Path
 from typing import Final
 
@@ -179,7 +180,7 @@ def _signals(study: Study, hz: int, foot: bool, raw: bool) -> Signals:
 
 def _keep(path: Path, run: SimulatedRun) -> None:
     k = run.kinematics
-    part = path.with_name(f"part_{path.name}")
+    part = path.with_name(f"part_{getpid()}_{path.name}")  # each process its own: two may make the same run at once
     np.savez(
         part,
         t_s=run.t_s,

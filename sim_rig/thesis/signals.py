@@ -136,30 +136,6 @@ def drifted(samples: Array, rate: float) -> Array:
     return inside
 
 
-def with_play(samples: Array, half_play: Array) -> Array:
-    """Return `samples` (n, k) behind a play of ± `half_play` (k,): y_i = clip(y_{i−1}, x_i − r, x_i + r), y_{−1} = 0.
-
-    Clips compose to clips, so that all prefixes are found by doubling.
-    """
-    low, high = samples - half_play, samples + half_play
-    step = 1
-    while step < len(samples):
-        low[step:], high[step:] = (
-            np.clip(low[:-step], low[step:], high[step:]),
-            np.clip(high[:-step], low[step:], high[step:]),
-        )
-        step *= 2
-    followed: Array = np.clip(0.0, low, high)
-    return followed
-
-
-def held(samples: Array, lost: NDArray[np.bool_]) -> Array:
-    """Return `samples` (n, k) where each one `lost` (n,) repeats the last that was not."""
-    last = np.maximum.accumulate(np.where(lost, 0, np.arange(len(samples))))
-    kept: Array = samples[last]
-    return kept
-
-
 def external_moment(signals: Signals, about_z: Array, about_x: Array) -> Signals:
     """Return the signals when moments (n,) about I's Z and P's X act from outside on what is above the sensor.
 

@@ -129,6 +129,27 @@ def test_spoilt_wrench_is_named(
     assert said in line
 
 
+@pytest.mark.parametrize("turn", [THETA, PHI])
+@pytest.mark.parametrize(
+    "moment",
+    [
+        lambda angle, _: 1000.0 * angle,
+        lambda _, rate: 20.0 * rate,
+        lambda _, rate: 5.0 * np.sign(rate),
+    ],
+    ids=["spring", "damper", "friction"],
+)
+def test_a_strap_that_is_stronger_than_inertia_is_no_exchange(
+    recording: PlatformRecording, tmp_path: Path, turn: int, moment: Callable[[Array, Array], Array]
+) -> None:
+    angle = recording.plate.columns[:, turn]
+
+    def change(wrench: Array) -> None:
+        wrench[:, {THETA: 5, PHI: 3}[turn]] += moment(angle, np.gradient(angle, recording.t_s))
+
+    assert reloaded(with_wrench(recording, change), tmp_path).notes == ()
+
+
 def test_a_foot_in_millimetres_is_named(recording: PlatformRecording, tmp_path: Path) -> None:
     if recording.foot is None:
         pytest.skip("needs a foot")

@@ -9,18 +9,21 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from discrepancy.explain import explain
 from impedance.body.rigid_body import Array, Inertia
 from impedance.recording.recording import PlatformRecording, Poses
 from messages.errors import UserError
-from sim_rig.hidden.platform import cases as hidden_platform
 from sim_rig.hidden.platform.drawn import CHANNELS, Hidden
 from sim_rig.hidden.platform.instruments import followed
+from sim_rig.hidden.platform.laboratory import mechanics_of, reference_of
+from sim_rig.hidden.platform.laboratory import recorded as recorded_of
 from sim_rig.hidden.platform.mechanics import ran
 from sim_rig.hidden.platform.noise import PlateNoise
 from sim_rig.hidden.platform.scene import SPAN_NM, Scene, stepped
+from sim_rig.platform.memory import with_play
 from sim_rig.systems.platform import load
 from sim_rig.systems.platform.effects import amplitudes
-from sim_rig.systems.platform.sensor import lattice, rounded, with_play
+from sim_rig.systems.platform.sensor import lattice, rounded
 from sim_rig.systems.platform.simulation import BODY, PlatformSimulation
 
 SECONDS = 7.0
@@ -52,11 +55,11 @@ def unit(foot: bool) -> Scene:
 def recorded(hidden: Hidden, foot: bool) -> PlatformRecording:
     """Return a recording almost without noise in which `hidden` is."""
     scene = unit(foot)
-    mechanics = hidden_platform._mechanics(scene, hidden)
+    mechanics = mechanics_of(scene, hidden)
     fine = ran(mechanics, stepped(np.random.default_rng(5), scene.update_hz, SPAN_NM, SECONDS), SECONDS)
-    reference = hidden_platform._reference(fine, mechanics)
+    reference = reference_of(fine, mechanics)
     colour, random = PlateNoise(6, np.random.default_rng(6)), np.random.default_rng(7)
-    return hidden_platform._recording(scene, hidden, mechanics, fine, reference, colour, random, SECONDS)
+    return recorded_of(scene, hidden, mechanics, fine, reference, colour, random, SECONDS)
 
 
 @cache
@@ -124,6 +127,12 @@ def test_the_base_model_meets_a_recording_in_which_nothing_is_hidden(foot: bool)
             0.01,
         ),
         (Hidden(tare=np.array([0.0, 2.0, 0.0, 0.0, 0.0, 0.0])), {"tare_error.fy": 2.0}, True, 0.01),
+        (
+            Hidden(jumps=True),
+            {"aliasing.share": 1.0, "aliasing.update_hz": 41.0, "aliasing.offset_s": -1e-5},
+            True,
+            0.2,
+        ),
         (Hidden(lost_share=0.05), {"dropped_samples.held": 1.0}, True, 0.05),
     ],
     ids=lambda value: next(iter(value)).partition(".")[0] if isinstance(value, dict) else "",
@@ -165,7 +174,8 @@ def test_neutral_values_are_exactly_the_base_model(data: st.DataObject) -> None:
 @given(st.lists(st.floats(-10.0, 10.0), min_size=1, max_size=60), st.floats(0.0, 6.0))
 @settings(max_examples=60, deadline=None)
 def test_play_in_one_go_is_play_step_by_step(values: list[float], play: float) -> None:
-    np.testing.assert_allclose(with_play(np.array(values), play), followed(np.array(values), play), atol=1e-12)
+    x = np.array(values)
+    np.testing.assert_allclose(with_play(x, 0.5 * play, values[0]), followed(x, play), atol=1e-12)
 
 
 def test_rounding_on_average_is_rounding_of_a_noisy_value() -> None:
@@ -191,6 +201,20 @@ def test_the_library_has_the_names_and_no_foot_means_no_effect_of_it() -> None:
         assert all(set(start) <= known for start in effect.starts)
     without = {effect.name for effect in PlatformSimulation.of(clean(False)).effects}
     assert set(with_foot) - without == {"tape_compliance", "foot_marker_offset"}
+
+
+def test_both_steps_of_rounding_are_found_together() -> None:
+    scene = replace(unit(False), noise_factor=1.0)
+    hidden = Hidden(step=(12.0, 3.0))
+    mechanics = mechanics_of(scene, hidden)
+    random = np.random.default_rng(11)
+    fine = ran(mechanics, stepped(random, scene.update_hz, SPAN_NM, 12.0), 12.0)
+    reference = reference_of(fine, mechanics)
+    recording = recorded_of(scene, hidden, mechanics, fine, reference, PlateNoise(6, random), random, 12.0)
+    verdict = explain(PlatformSimulation.of(recording), None, seed=1).verdict
+    assert [cause.name for cause in verdict.causes] == ["quantisation"]
+    for name, step in (("force_n", 12.0), ("torque_nm", 3.0)):
+        assert verdict.causes[0].parameters[name].value == pytest.approx(step, rel=0.02)
 
 
 def test_what_lies_near_a_gap_is_not_compared() -> None:

@@ -19,6 +19,7 @@ from impedance.body.kinematics import Kinematics
 from impedance.body.rigid_body import Array
 from messages.errors import UserError
 from sim_rig.platform.excitation import random_steps
+from sim_rig.platform.memory import last_kept, with_play
 from sim_rig.platform.model import SENSORS, model_of
 from sim_rig.platform.rig import FOOT as FOOT_BODY
 from sim_rig.platform.rig import Rig
@@ -82,7 +83,7 @@ def test_play_and_held_samples_equal_their_loops() -> None:
     for sample in x:
         y = np.clip(y, sample - half, sample + half)
         expected.append(y)
-    np.testing.assert_allclose(signals.with_play(x, half), expected, atol=1e-12)
+    np.testing.assert_allclose(with_play(x, half, 0.0), expected, atol=1e-12)
 
     lost = rng.random(400) < 0.3
     lost[0] = False
@@ -90,7 +91,7 @@ def test_play_and_held_samples_equal_their_loops() -> None:
     for sample, gone in zip(x, lost, strict=True):
         last = last if gone else sample
         kept.append(last)
-    np.testing.assert_array_equal(signals.held(x, lost), kept)
+    np.testing.assert_array_equal(x[last_kept(lost)], kept)
 
 
 def test_every_cause_is_nothing_at_its_neutral_size_and_something_at_its_ends(loaded: Signals) -> None:

@@ -1,7 +1,7 @@
 """What can be hidden in a platform recording, how large it is drawn, and which parameters tell it."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -18,7 +18,8 @@ class Hidden:
     """All that is wrong with a unit; without arguments nothing is.
 
     `play`, `limit` are (channel, share): of the channel's standard deviation, and of its largest reading, in the fit
-    recording. `outside` is a mechanism of no library with its size.
+    recording. `tape_seen` is the share of the foot's rocking that its markers show. `outside` is a mechanism of no
+    library with its size.
     """
 
     delay_s: float = 0.0
@@ -39,7 +40,7 @@ class Hidden:
     limit: tuple[int, float] | None = None
     tape_hz: tuple[float, float] = (np.inf, np.inf)
     tape_zeta: float = 0.0
-    tape_seen: bool = True
+    tape_seen: float = 1.0
     tare: Array = field(default_factory=lambda: np.zeros(6))
     step: tuple[float, float] = (0.0, 0.0)
     lost_share: float = 0.0
@@ -100,6 +101,15 @@ def drawn(effect: str, size: float, random: np.random.Generator) -> Drawn:
     if effect in OUTSIDE:
         return {"outside": (effect, size)}, {}
     return _DRAWS[effect](size, random)
+
+
+def together(fields: Sequence[Mapping[str, object]]) -> Hidden:
+    """Return what several effects hide together."""
+    hidden = Hidden()
+    for each in fields:
+        matrix = hidden.matrix + each.get("matrix", np.eye(6)) - np.eye(6)  # type: ignore[operator]
+        hidden = replace(hidden, **{**each, "matrix": matrix})
+    return hidden
 
 
 def _channel(random: np.random.Generator, among: tuple[str, ...] = _TOLD_BY) -> str:
@@ -177,7 +187,7 @@ def _tape(size: float, random: np.random.Generator) -> Drawn:
     hz = ((size, np.inf), (np.inf, size), (size, other))[which]
     zeta = log_uniform(random, 0.03, 0.15)
     told = {f"{axis}_hz": value for axis, value in zip(_AXES, hz, strict=True) if np.isfinite(value)}
-    return {"tape_hz": hz, "tape_zeta": zeta, "tape_seen": bool(random.integers(2))}, told
+    return {"tape_hz": hz, "tape_zeta": zeta, "tape_seen": float(random.integers(2))}, told
 
 
 def _tare(size: float, random: np.random.Generator) -> Drawn:

@@ -19,6 +19,7 @@ STEP_S: Final = 1.0 / (OVERSAMPLING * RATE_HZ)
 SETTLE_S: Final = 1.0
 _STIFFNESS_NMPRAD: Final = (15470.0, 8594.0)
 _DAMPING_NMSPRAD: Final = 60.0
+_SAME_NM: Final = 1e-6
 
 Torques = Callable[[Array], Array]
 """From times (n,) in s to torques (n, 2) in N·m about I's Z and P's X."""
@@ -96,8 +97,11 @@ def ran(mechanics: Mechanics, torques: Torques, duration_s: float) -> Fine:
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     start = np.empty(size)
     mujoco.mj_getState(model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    _, sensors = rollout.rollout(model, data, start, torques(t_s + 0.5 * STEP_S)[None])
+    torque_nm = torques(t_s + 0.5 * STEP_S)
+    _, sensors = rollout.rollout(model, data, start, torque_nm[None])
     rows: Array = np.ascontiguousarray(sensors[0].T)
+    if mechanics.jumps:
+        _before_jumps(rows[4:10], torque_nm)
     tape = np.zeros((2, steps))
     place = 10
     for row, hz in enumerate(mechanics.tape_hz):
@@ -105,6 +109,17 @@ def ran(mechanics: Mechanics, torques: Torques, duration_s: float) -> Fine:
             tape[row] = rows[place]
             place += 1
     return Fine(t_s, rows[:2], rows[2:4], tape, rows[4:10])
+
+
+def _before_jumps(wrench: Array, torque_nm: Array) -> None:
+    """Let the wrench (6, n) at the beginning of a step in which the torque jumps be what it was until then.
+
+    The step is driven by the mean of both torques, as the motion at its end asks; its beginning knows only the first.
+    """
+    change = np.abs(np.diff(torque_nm, axis=0)).max(axis=1) > _SAME_NM
+    at = np.flatnonzero(change[:-1] & change[1:]) + 1
+    at = at[at >= 2]
+    wrench[:, at] = 2.0 * wrench[:, at - 1] - wrench[:, at - 2]
 
 
 def _xml(m: Mechanics) -> str:

@@ -7,11 +7,12 @@ import numpy as np
 
 from impedance.body.rigid_body import Array, Inertia
 from sim_rig.hidden.case import log_uniform
-from sim_rig.hidden.platform.mechanics import Torques
+from sim_rig.hidden.platform.mechanics import STEP_S, Torques
 from sim_rig.platform.rig import PLATE
 
 SPAN_NM: Final = np.array([220.0, 120.0])
 _POSITION_M, _ANGLE_RAD, _FORCE_N, _TORQUE_NM = 1e-4, 1e-5, 0.1, 0.05
+_HALF_S: Final = (-0.5 * STEP_S, 0.5 * STEP_S)
 _TONES: Final = 24
 _TONES_HZ: Final = (0.5, 32.0)
 
@@ -76,12 +77,18 @@ def scene(random: np.random.Generator, *, with_foot: bool | None, known: bool | 
 
 
 def stepped(random: np.random.Generator, update_hz: float, span_nm: Array, duration_s: float) -> Torques:
-    """Return torques drawn anew `update_hz` times a second within ± `span_nm` (2,), and held."""
+    """Return torques drawn anew `update_hz` times a second within ± `span_nm` (2,), and held.
+
+    A step of the mechanics gets the mean over it, so that no jump waits for the next one.
+    """
     levels = random.uniform(-1.0, 1.0, (int((duration_s + 4.0) * update_hz) + 2, 2)) * span_nm
+    drawn_s = np.arange(len(levels) + 1) / update_hz - 2.0
+    sums = np.vstack((np.zeros(2), np.cumsum(levels, axis=0))) / update_hz
 
     def torques(t_s: Array) -> Array:
-        held: Array = levels[np.floor((t_s + 2.0) * update_hz).astype(np.int64)]
-        return held
+        ends = [np.column_stack([np.interp(t_s + half_s, drawn_s, each) for each in sums.T]) for half_s in _HALF_S]
+        mean: Array = (ends[1] - ends[0]) / STEP_S
+        return mean
 
     return torques
 

@@ -108,7 +108,7 @@ class Band:
     @cached_property
     def motion_limit(self) -> Array:
         """Return the limit of the motion that is differentiated."""
-        return _fall(self.f_hz, *(share * self.rate_hz for share in _MOTION_SHARES))
+        return motion_limit(self.f_hz, self.rate_hz)
 
     def spectrum(self, values: Array) -> ComplexArray:
         """Return the bins (c, k) of `values` (c, n)."""
@@ -166,6 +166,11 @@ def bridged(values: Array, valid: BoolArray) -> Array:
         return np.ascontiguousarray(values.T)
     index = np.arange(len(values))
     return np.stack([np.interp(index, index[valid], column[valid]) for column in values.T])
+
+
+def motion_limit(f_hz: Array, rate_hz: float) -> Array:
+    """Return the limit, at `f_hz`, of motion that is sampled `rate_hz` times a second and differentiated."""
+    return _fall(f_hz, *(share * rate_hz for share in _MOTION_SHARES))
 
 
 def _fall(f_hz: Array, first_hz: float, last_hz: float) -> Array:

@@ -11,18 +11,18 @@ from typing import TypeVar, cast
 
 import numpy as np
 
-from impedance.body.geometry import euler_of
 from impedance.body.rigid_body import Array, regressor
+from sim_rig.platform.memory import with_play
 from sim_rig.systems.platform import sensor
 from sim_rig.systems.platform.band import Band, BoolArray, ComplexArray
 from sim_rig.systems.platform.jumps import aliased
 from sim_rig.systems.platform.motion import Motion, unsmoothed
 from sim_rig.systems.platform.sensor import CHANNELS
-from sim_rig.systems.platform.tape import Rocking, rocking, rotation_PF
+from sim_rig.systems.platform.tape import Carried, Rocking, rocking, shifted
 
 Acting = Mapping[str, Mapping[str, float]]
 """Effects with those of their parameters that are not missing."""
-_MOST_KEPT = 8
+_MOST_KEPT = 10
 _FINER = 4
 _AXES_M = ("x_m", "y_m", "z_m")
 _T = TypeVar("_T")
@@ -143,8 +143,13 @@ class Chain:
         foot = self.stated.to_plate @ unknown
         rigid = (foot @ self.columns_of(acting)).reshape(6, -1)
         lever_m = self.stated.joint_m + _triple(acting, "joint_offset")
-        motion = self.motion_of(acting).kinematics(lever_m)
-        return rocking(self.band, foot, motion, rigid, resonances_hz, tape.get("zeta", 0.0))
+        cutoff_hz = acting.get("motion_smoothing", {}).get("value_hz", inf)
+        motion = self._once(
+            ("carried", cutoff_hz, *lever_m.tolist()),
+            lambda: Carried.of(self.motion_of(acting).kinematics(lever_m)),
+        )
+        rest = self.stated.tared @ foot
+        return rocking(self.band, foot, motion, rigid, rest, resonances_hz, tape.get("zeta", 0.0))
 
     def _straps(self, acting: Acting) -> list[Array]:
         """Return the moments (3, n) in P that hold spring, damper and friction at bay, about I's Z and P's X."""
@@ -174,7 +179,7 @@ class Chain:
             if play != 0.0:
                 k = CHANNELS.index(name)
                 fine = self.band.full(spectrum[k : k + 1], _FINER)[0]
-                wrench[k] += (sensor.with_play(fine, play) - fine)[::_FINER]
+                wrench[k] += (with_play(fine, 0.5 * play, float(fine[0])) - fine)[::_FINER]
         drift = acting.get("clock_drift", {}).get("rate", 0.0)
         if drift != 0.0:
             wrench = self.band.stretched(self.band.spectrum(wrench), drift)
@@ -210,11 +215,9 @@ class Chain:
         rotations = rows[9:]
         share = acting.get("tape_compliance", {}).get("seen", 0.0)
         if rocks is not None and share != 0.0:
-            seen = self.motion_of({})
-            R_IF = seen.R_IP @ rotation_PF(share * rocks.turns_rad)
-            more_m = (R_IF - seen.R_IP) @ foot_m
-            more_rad = euler_of(R_IF)[:, 1:] - seen.angles_rad.T
-            more = band.reduced(band.spectrum(np.hstack((more_m, more_rad)).T))
+            R_full = self._once(("seen",), lambda: self.motion_of({}).R_IP.transpose(1, 2, 0).reshape(9, -1).copy())
+            more = np.concatenate(shifted(R_full, share * rocks.turns_rad, foot_m))
+            more = band.reduced(band.spectrum(more))
             placed, rotations = placed + more[:3], rotations + more[3:]
         return Markers((plate_m, scale * placed), (rotations,))
 
@@ -222,10 +225,13 @@ class Chain:
         """Return what was made for `key`, made only once while it is among the last few."""
         if key not in self._kept:
             if len(self._kept) >= _MOST_KEPT:
-                neutral = (("markers",), ("motion", inf), ("columns", inf, *self.stated.joint_m.tolist()))
-                del self._kept[next(each for each in self._kept if each not in neutral)]
+                del self._kept[next(each for each in self._kept if not self._neutral(each))]
             self._kept[key] = made()
         return cast(_T, self._kept[key])
+
+    def _neutral(self, key: tuple[object, ...]) -> bool:
+        """Tell whether what `key` names belongs to the base model, to which every search returns."""
+        return key[1:] in ((), (inf,), (inf, *self.stated.joint_m.tolist()))
 
 
 def _triple(acting: Acting, effect: str) -> Array:

@@ -12,6 +12,7 @@ from sim_rig.systems.platform.sensor import CHANNELS
 
 FORCES, MOMENTS = CHANNELS[:3], CHANNELS[3:]
 _N, _NM = "N", "N·m"
+_STEP_SHARE = 0.02
 
 
 def unit_of(channel: str) -> str:
@@ -116,12 +117,15 @@ def amplitudes(starts: Mapping[str, float], largest: Mapping[str, float]) -> tup
         ),
         Effect(
             "quantisation",
-            (Parameter("force_n", _N, 0.0, 0.0, 200.0, 0.02), Parameter("torque_nm", _NM, 0.0, 0.0, 50.0, 0.005)),
+            (
+                Parameter("force_n", _N, 0.0, 0.0, 200.0, _STEP_SHARE * starts["force_n"]),
+                Parameter("torque_nm", _NM, 0.0, 0.0, 50.0, _STEP_SHARE * starts["torque_nm"]),
+            ),
             "The force plate's readings are rounded to coarse steps, equal for all forces and for all moments.",
             "Use a finer converter or a smaller range.",
             "List the values that a resting channel takes: they are multiples of one step.",
-            choices=(("force_n",), ("torque_nm",)),
-            starts=({"force_n": starts["force_n"]}, {"torque_nm": starts["torque_nm"]}),
+            choices=(("force_n",), ("torque_nm",), ("force_n", "torque_nm")),
+            starts=({"force_n": starts["force_n"]}, {"torque_nm": starts["torque_nm"]}, starts),
         ),
         Effect(
             "tare_error",

@@ -89,7 +89,7 @@ def sampling(update_hz: float, offset_s: float) -> tuple[Effect, ...]:
             "aliasing",
             (
                 Parameter("share", "1", 0.0, 0.0, 2.0, 0.02),
-                Parameter("update_hz", "Hz", update_hz, 5.0, 120.0, 1e-4),
+                Parameter("update_hz", "Hz", update_hz, 5.0, 120.0, 3e-4),
                 Parameter("offset_s", "s", offset_s, -0.2, 0.2, 3e-5),
             ),
             "The actuators' torque jumps `update_hz` times a second and the wrench is sampled without an anti-alias "

@@ -7,18 +7,23 @@ band-limited sampling has an integral. With x = jωh the difference is, far belo
     1 / (eˣ − 1) − 1/x = −1/2 + x / 12 − x³ / 720 …
 
 To first order that is an impulse Δ (s − 1/2). The jumps are told by the wrench that follows from the motion: Δ is the
-step of a line with a step, fitted around t_j.
+step of a line with a step, fitted around t_j. The motion is differentiated below a limit M(f), so that a step rings,
+
+    H(t) = 1/2 + ∫ M(f) sin(2π f t) / (π f) df                                                                      (2)
+
+and a line with a sharp one would take it for a fifth larger than it is.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from impedance.body.rigid_body import Array
-from sim_rig.systems.platform.band import Band, ComplexArray
+from sim_rig.systems.platform.band import Band, ComplexArray, motion_limit
 
 _AROUND_S = np.array([-9e-3, -6.5e-3, -4e-3, 4e-3, 6.5e-3, 9e-3])
-_STEP = np.linalg.pinv(np.column_stack((np.ones(6), _AROUND_S, _AROUND_S > 0.0)))[2]
+_BINS = 400
 _SLOWEST_HZ, _FASTEST_HZ = 15.0, 110.0
 _FINER = 8
 _RESOLUTION_S = 2e-4
@@ -36,7 +41,7 @@ def aliased(wrench: Array, band: Band, update_hz: float, offset_s: float) -> Arr
     last = np.floor(((n - 1) / rate_hz - margin_s - offset_s) * update_hz)
     t_j = offset_s + np.arange(first, last + 1.0) / update_hz
     jump = np.zeros((6, len(t_j)))
-    for weight, away_s in zip(_STEP, _AROUND_S, strict=True):
+    for weight, away_s in zip(_step(rate_hz), _AROUND_S, strict=True):
         jump += weight * _at(wrench, (t_j + away_s) * rate_hz)
     place = t_j * rate_hz
     index = np.floor(place).astype(np.int64)
@@ -74,7 +79,7 @@ def rhythm(wrench: Array, left: Array, rate_hz: float) -> tuple[float, float]:
     seconds = wrench.shape[1] / rate_hz
     jump = np.zeros_like(wrench)
     position = np.clip(np.arange(wrench.shape[1]) + _AROUND_S[:, None] * rate_hz, 0.0, wrench.shape[1] - 2.0)
-    for weight, place in zip(_STEP, position, strict=True):
+    for weight, place in zip(_step(rate_hz), position, strict=True):
         jump += weight * _at(wrench, place)
     agreement = (jump * left / scale).sum(axis=0)
     sought = _Sought(agreement, (jump**2 / scale).sum(axis=0), rate_hz)
@@ -112,6 +117,16 @@ class _Sought:
             k = int(np.argmax(score))
             best = max(best, (float(score[k]), float(update_hz), float(offsets_s[k])))
         return best
+
+
+@lru_cache(maxsize=4)
+def _step(rate_hz: float) -> Array:
+    """Return the weights (6,) of the places around a jump that tell its size by (2)."""
+    f_hz = (np.arange(_BINS) + 0.5) * rate_hz / (2 * _BINS)
+    ringing = np.sin(2.0 * np.pi * _AROUND_S[:, None] * f_hz) @ (motion_limit(f_hz, rate_hz) / f_hz)
+    H = 0.5 + ringing * rate_hz / (2 * _BINS * np.pi)
+    weights: Array = np.linalg.pinv(np.column_stack((np.ones(6), _AROUND_S, H)))[2]
+    return weights
 
 
 def _at(values: Array, position: Array) -> Array:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from impedance.body.rigid_body import Array
+from sim_rig.platform.memory import last_kept
 from sim_rig.systems.platform.band import BoolArray
 
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
@@ -33,25 +34,6 @@ def turned(rotation_rad: Array) -> Array:
     return matrix
 
 
-def with_play(x: Array, play: float) -> Array:
-    """Return what comes through a joint with `play`: y follows x only where it would be more than half of it behind.
-
-        y_k = min(max(y_{k−1}, x_k − play / 2), x_k + play / 2)                                                   (1)
-
-    Each step is a clamp between two limits, and a clamp after a clamp is a clamp: all prefixes in log2 n passes.
-    """
-    low, high = x - 0.5 * play, x + 0.5 * play
-    step = 1
-    while step < len(x):
-        first_low = np.clip(low[:-step], low[step:], high[step:])
-        first_high = np.clip(high[:-step], low[step:], high[step:])
-        low = np.concatenate((low[:step], first_low))
-        high = np.concatenate((high[:step], first_high))
-        step *= 2
-    y: Array = np.clip(float(x[0]), low, high)
-    return y
-
-
 def rounded(x: Array, step: float, noise: float) -> Array:
     """Return what rounding to multiples of `step` makes on average of `x` with normal `noise` on it.
 
@@ -68,9 +50,7 @@ def rounded(x: Array, step: float, noise: float) -> Array:
 
 def held(values: Array, repeats: BoolArray, share: float) -> Array:
     """Return `values` (6, n) with a `share` of the way from every sample that `repeats` (n,) to the one it repeats."""
-    index = np.where(repeats, 0, np.arange(len(repeats)))
-    source = np.maximum.accumulate(index)
-    result: Array = values + share * (values[:, source] - values)
+    result: Array = values + share * (values[:, last_kept(repeats)] - values)
     return result
 
 

@@ -8,7 +8,7 @@ none. The streams' times are believed. Channels are the six of the wrench, the p
 each of them sees the swing, and the foot's two angles, all below 60 Hz (`band`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from impedance.body.rigid_body import Array
 from impedance.identification.mechanism import level_rest
 from impedance.identification.noise_level import noise_level
 from impedance.identification.observability import moving
-from impedance.recording.recording import WRENCH_COLUMNS, PlatformRecording
+from impedance.recording.recording import WRENCH_COLUMNS, PlatformRecording, Poses
 from impedance.recording.synchronous import Synchronous, synchronous
 from messages.errors import UserError
 from sim_rig.systems.platform.band import Band, bridged
@@ -39,6 +39,8 @@ _UNITS = ("kg", "kg·m", "kg·m", "kg·m", *("kg·m²",) * 6)
 _SCALES = (0.1, 0.01, 0.01, 0.01, *(0.01,) * 6)
 _BOUNDS = (1e3, 1e3, 1e3, 1e3, *(1e3,) * 6)
 _ROUNDING_N, _ROUNDING_NM = 5.0, 1.0
+MOST_S = 30.0
+"""What is compared of a recording: enough for the sizes that matter, and few enough samples for a verdict in 10 s."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,11 @@ class PlatformSimulation:
 
     @classmethod
     def of(cls, recording: PlatformRecording) -> "PlatformSimulation":
-        """Bind a recording; raises UserError where it is too short or the plate under a foot is not known."""
-        streams = synchronous(recording)
+        """Bind the first 30 s of a recording.
+
+        Raises UserError where it is too short or the plate under a foot is not known.
+        """
+        streams = _first(synchronous(recording), MOST_S)
         settings = streams.settings
         plate = settings.plate.inertia
         if streams.foot is not None and plate is None:
@@ -228,6 +233,18 @@ class PlatformSimulation:
         wrench = np.hypot(np.repeat((force_n, torque_nm), 3), moved)
         rotations = np.repeat(np.sqrt(2.0) * angle_rad, 2 * (frames - 1))
         return np.concatenate((wrench, np.repeat(position_m, 3 * frames) * still, rotations * still))
+
+
+def _first(streams: Synchronous, seconds: float) -> Synchronous:
+    n = min(len(streams.t_s), round(seconds * streams.rate_hz))
+    return replace(
+        streams,
+        t_s=streams.t_s[:n],
+        plate=Poses.from_columns(streams.plate.columns[:n]),
+        foot=None if streams.foot is None else Poses.from_columns(streams.foot.columns[:n]),
+        wrench=streams.wrench[:n],
+        valid=streams.valid[:n],
+    )
 
 
 def load(folder: Path) -> PlatformSimulation:

@@ -8,6 +8,12 @@ and ε about x follow from
 where J holds the entries zz, xx and xz. The foot's frame is then turned by R = Rz(δ) Rx(ε), so that its motion is
 
     ω_F = Rᵀ (ω + ν),   α_F = Rᵀ (α + ν̇ + ω × ν),   ν = δ̇ e_z + ε̇ R e_x                                          (2)
+
+and with p̈ its origin's acceleration less gravity, all in F,
+
+    f = m p̈ + α × h + ω × (ω × h),   T = J α + ω × J ω + h × p̈                                                   (3)
+
+Vectors are rows (3, n): every start and every step of a fit of the tape comes through here.
 """
 
 from dataclasses import dataclass
@@ -15,13 +21,27 @@ from math import isfinite
 
 import numpy as np
 
-from impedance.body import geometry
 from impedance.body.kinematics import Kinematics
 from impedance.body.rigid_body import Array, tensor_of
 from sim_rig.systems.platform.band import Band
 
 _GRAVITY_MPS2 = 9.81
 _LEAST_KGM2 = 1e-4
+
+
+@dataclass(frozen=True)
+class Carried:
+    """The motion of P as rows (3, n): its origin's acceleration less gravity, ω and α, all in P."""
+
+    felt_mps2: Array
+    w: Array
+    alpha: Array
+
+    @classmethod
+    def of(cls, motion: Kinematics) -> "Carried":
+        """Return the rows of a motion."""
+        rows = (motion.a_O_P - motion.g_P, motion.w, motion.alpha)
+        return cls(*(np.ascontiguousarray(each.T) for each in rows))
 
 
 @dataclass(frozen=True)
@@ -33,12 +53,12 @@ class Rocking:
 
 
 def rocking(
-    band: Band, foot: Array, motion: Kinematics, rigid: Array, resonances_hz: tuple[float, float], zeta: float
+    band: Band, foot: Array, motion: Carried, rigid: Array, rest: Array, resonances_hz: tuple[float, float], zeta: float
 ) -> Rocking:
     """Return what a foot of π (10,) about P's origin does that moves by `motion` of P.
 
-    `rigid` (6, n) is its wrench without rocking, tared at rest; `resonances_hz` are those about z and x, infinite where
-    the tape does not give.
+    `rigid` (6, n) is its wrench without rocking, less that at `rest` (6,); `resonances_hz` are those about z and x,
+    infinite where the tape does not give.
     """
     J = tensor_of(foot[4:])
     s = 2j * np.pi * band.f_hz
@@ -61,29 +81,62 @@ def rocking(
         * np.array(free)[:, None]
     )
     rows = band.full(np.concatenate((turns, s * turns, s**2 * turns)))
-    turn, rate, acceleration = rows[:2], rows[2:4], rows[4:]
-    moved = _rocked(foot, motion, turn, rate, acceleration)
-    still = (motion.regressor @ foot).T
-    return Rocking(moved - still, turn)
+    wrench = _rocked(foot, motion, rows[:2], rows[2:4], rows[4:])
+    return Rocking(wrench - rigid - rest[:, None], rows[:2])
 
 
-def rotation_PF(turns_rad: Array) -> Array:
-    """Return R_PF (n, 3, 3) = Rz(δ) Rx(ε) of turns (2, n)."""
-    return geometry.rotation_IP(np.zeros(turns_rad.shape[1]), *turns_rad)
+def shifted(R_IP: Array, turns_rad: Array, at_m: Array) -> tuple[Array, Array]:
+    """Return what turns (2, n) of F about P's origin do to the place `at_m` (3,) of F's origin, in I, and to θ and φ.
+
+    `R_IP` (9, n) holds the matrix row by row; the results are (3, n) and (2, n).
+    """
+    turn = _Turn.by(turns_rad)
+    moved_m = np.einsum("rcn,cn->rn", R_IP.reshape(3, 3, -1), turn.to_P(at_m[:, None]) - at_m[:, None])
+    sin_theta, cos_cos, minus_cos_sin = turn.to_F(R_IP[3:6])  # the second row of R_IF
+    before = np.stack((np.arcsin(R_IP[3]), np.arctan2(-R_IP[5], R_IP[4])))
+    after = np.stack((np.arcsin(np.clip(sin_theta, -1.0, 1.0)), np.arctan2(-minus_cos_sin, cos_cos)))
+    return moved_m, after - before
 
 
-def _rocked(foot: Array, motion: Kinematics, turn: Array, rate: Array, acceleration: Array) -> Array:
-    """Return by (2) the wrench (6, n) in P of the foot that rocks."""
-    R_PF = rotation_PF(turn)
-    axis = R_PF[:, :, 0]
-    e_z = np.array([0.0, 0.0, 1.0])
-    v = rate[0][:, None] * e_z + rate[1][:, None] * axis
-    v_rate = acceleration[0][:, None] * e_z + acceleration[1][:, None] * axis
-    v_rate += (rate[0] * rate[1])[:, None] * np.cross(e_z, axis)
-    alpha = motion.alpha + v_rate + np.cross(motion.w, v)
-    a_F, g_F, w_F, alpha_F = (
-        (each[:, None, :] @ R_PF)[:, 0] for each in (motion.a_O_P, motion.g_P, motion.w + v, alpha)
-    )
-    wrench = Kinematics(a_F, w_F, alpha_F, g_F).regressor @ foot
-    turned: Array = np.concatenate((R_PF @ wrench[:, :3, None], R_PF @ wrench[:, 3:, None]), axis=1)[:, :, 0].T
-    return turned
+def _rocked(foot: Array, motion: Carried, turns_rad: Array, rate: Array, acceleration: Array) -> Array:
+    """Return by (2) and (3) the wrench (6, n) in P of the foot that rocks."""
+    turn = _Turn.by(turns_rad)
+    (sin, _), (cos, _) = turn.sin, turn.cos
+    both = rate[0] * rate[1]
+    v = np.stack((rate[1] * cos, rate[1] * sin, rate[0]))
+    v_rate = np.stack((acceleration[1] * cos - both * sin, acceleration[1] * sin + both * cos, acceleration[0]))
+    felt_mps2 = turn.to_F(motion.felt_mps2)
+    w = turn.to_F(motion.w + v)
+    alpha = turn.to_F(motion.alpha + v_rate + _cross(motion.w, v))
+    m, h, J = foot[0], foot[1:4, None], tensor_of(foot[4:])
+    force = m * felt_mps2 + _cross(alpha, h) + _cross(w, _cross(w, h))
+    moment = J @ alpha + _cross(w, J @ w) + _cross(h, felt_mps2)
+    return np.concatenate((turn.to_P(force), turn.to_P(moment)))
+
+
+@dataclass(frozen=True)
+class _Turn:
+    """R = Rz(δ) Rx(ε) by the sines and cosines (2, n) of both."""
+
+    sin: Array
+    cos: Array
+
+    @classmethod
+    def by(cls, turns_rad: Array) -> "_Turn":
+        return cls(np.sin(turns_rad), np.cos(turns_rad))
+
+    def to_P(self, v: Array) -> Array:
+        """Return R v of rows (3, n)."""
+        (sin_d, sin_e), (cos_d, cos_e) = self.sin, self.cos
+        y, z = cos_e * v[1] - sin_e * v[2], sin_e * v[1] + cos_e * v[2]
+        return np.stack((cos_d * v[0] - sin_d * y, sin_d * v[0] + cos_d * y, z))
+
+    def to_F(self, v: Array) -> Array:
+        """Return Rᵀ v of rows (3, n)."""
+        (sin_d, sin_e), (cos_d, cos_e) = self.sin, self.cos
+        y = cos_d * v[1] - sin_d * v[0]
+        return np.stack((cos_d * v[0] + sin_d * v[1], cos_e * y + sin_e * v[2], cos_e * v[2] - sin_e * y))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.stack((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))
