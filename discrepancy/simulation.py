@@ -26,8 +26,8 @@ class Parameter:
 
     `neutral` is the value without the effect, or where the base fit starts; infinite where only that is neutral, as for
     a resonance. `scale` is a change that matters physically: steps of differentiation and tests of being zero go by it.
-    `inexact` is the share of the value that the simulation's own formula may be off by, known from sources of truth other
-    than the recording: an interval claims no less (GUM, evaluation of type B).
+    `inexact` is the share of the value that the simulation's own formula may be off by, known from other recordings
+    whose truth is known: an interval claims no less (GUM, evaluation of type B).
     """
 
     name: str

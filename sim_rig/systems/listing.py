@@ -9,9 +9,9 @@ _HEADING = """\
 # Effects
 
 What a simulation may leave out, by system: the names that `verdict.json`, `extended.toml`, `--only` and `--without`
-take. An effect's parameters are its whole freedom, with their values without it. By how much a formula itself may err, of
-the value, was measured on development recordings, whose truth is known; intervals hold it. This page is written by
-`gaiteyes explain effects --out docs/effects.md`.
+take. An effect's parameters are its whole freedom, with their values without it. By how much of the value a formula
+itself may err was measured on development recordings, whose truth is known; intervals hold it. This page is written
+by `gaiteyes explain effects --out docs/effects.md`.
 """
 
 

@@ -60,7 +60,7 @@ def timing() -> tuple[Effect, ...]:
         ),
         Effect(
             "dropped_samples",
-            (Parameter("held", "1", 0.0, 0.0, 1.5, 0.02),),
+            (Parameter("held", "1", 0.0, 0.0, 1.5, 0.02, inexact=0.02),),
             "The force recorder loses samples and writes the last one again in their place.",
             "Record over a faster link, or mark lost samples as missing.",
             "Count equal rows in a recording with noise on every channel: none may be equal to the one before.",
@@ -97,7 +97,7 @@ def amplitudes(starts: Mapping[str, float], largest: Mapping[str, float]) -> tup
         ),
         Effect(
             "backlash",
-            tuple(Parameter(name, unit_of(name), 0.0, 0.0, 200.0, 0.05) for name in CHANNELS),
+            tuple(Parameter(name, unit_of(name), 0.0, 0.0, 200.0, 0.05, inexact=0.05) for name in CHANNELS),
             "A force channel has play: after each reversal it stands still before it follows. The whole width is told.",
             "Tighten the mounting of the load cells and look for a worn or loose one.",
             "Load slowly up and down: play leaves a loop whose width does not depend on speed.",
@@ -106,8 +106,8 @@ def amplitudes(starts: Mapping[str, float], largest: Mapping[str, float]) -> tup
         Effect(
             "saturation",
             tuple(
-                Parameter(name, unit_of(name), inf, 0.1 * largest[name], 2.0 * largest[name], 2e-3 * largest[name])
-                for name in moving
+                Parameter(name, unit_of(name), inf, 0.1 * most, 2.0 * most, 2e-3 * most, inexact=1e-3)
+                for name, most in ((name, largest[name]) for name in moving)
             ),
             "A force channel is cut off at a limit, the same to either side of its tared zero.",
             "Choose a larger range, or shake less.",

@@ -64,8 +64,8 @@ def above_sensor(foot: bool) -> tuple[Effect, ...]:
         Effect(
             "tape_compliance",
             (
-                Parameter("z_hz", "Hz", inf, 12.0, 400.0, 0.2),
-                Parameter("x_hz", "Hz", inf, 12.0, 400.0, 0.2),
+                Parameter("z_hz", "Hz", inf, 12.0, 400.0, 0.2, inexact=5e-3),
+                Parameter("x_hz", "Hz", inf, 12.0, 400.0, 0.2, inexact=5e-3),
                 Parameter("zeta", "1", 0.0, 0.0, 2.0, 0.005),
                 Parameter("seen", "1", 0.0, -0.5, 1.5, 0.005),
             ),
