@@ -88,7 +88,7 @@ class _CentralPath:
         """Take one step: a predictor for μ = 0, then its corrector for the μ that it makes reachable."""
         Q, u, s, z, w = self.Q, self.u, self.s, self.z, self.w
         D = 1.0 / (z / u + w / s)
-        gram = scipy.linalg.cho_factor((Q * D[:, None]).T @ Q)
+        gram = _factored(Q, D)
         missing = self.target - Q.T @ u
 
         def newton(uz: FloatArray | float, sw: FloatArray | float) -> tuple[FloatArray, ...]:
@@ -108,6 +108,17 @@ class _CentralPath:
         self.u, self.s = u + primal * du, s - primal * du
         self.c, self.z, self.w = self.c + dual * dc, z + dual * dz, w + dual * dw
         self.r = self.y - Q @ self.c
+
+
+def _factored(Q: FloatArray, D: FloatArray) -> tuple[FloatArray, bool]:
+    """Return the triangle R with RᵀR = Qᵀ D Q, and that it is not a lower one.
+
+    Close to the minimum D spans so many decades that the product loses what the triangle of √D Q still holds.
+    """
+    try:
+        return scipy.linalg.cholesky((Q * D[:, None]).T @ Q), False
+    except scipy.linalg.LinAlgError:
+        return np.linalg.qr(Q * np.sqrt(D)[:, None]).R, False
 
 
 def _reach(u: FloatArray, s: FloatArray, du: FloatArray) -> float:

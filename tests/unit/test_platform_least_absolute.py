@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from impedance.first_study.least_absolute import least_absolute
+from impedance.first_study.least_absolute import _factored, least_absolute
 
 
 def _by_linear_programming(X: np.ndarray, y: np.ndarray, up: np.ndarray, down: np.ndarray) -> float:
@@ -62,3 +62,14 @@ def test_dependent_columns_are_refused() -> None:
     column = np.random.default_rng(7).normal(size=(50, 1))
     with pytest.raises(ValueError, match="depend"):
         least_absolute(np.hstack([column, 2.0 * column]), column[:, 0], np.ones(50), np.ones(50))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_weights_that_span_forty_decades_still_have_a_triangle(seed: int) -> None:
+    Q = np.linalg.qr(np.random.default_rng(seed).normal(size=(40, 3))).Q
+    D = np.where(np.arange(40) < 2, 1.0, 1e-40)  # as close to a minimum that two rows hold: QᵀDQ is singular in floats
+    R, lower = _factored(Q, D)
+    assert not lower
+    assert np.allclose(R.T @ R, (Q * D[:, None]).T @ Q, atol=1e-15)
+    beyond = np.linalg.svd(Q[:2]).Vh[2]  # the direction that only the small weights hold
+    assert np.linalg.norm(R @ beyond) < 1e-15
