@@ -1,11 +1,14 @@
 """The finder on a small rig: hidden causes, look-alikes, causes out of the library, and clean data."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 
 from discrepancy.explain import Explanation, explain
 from discrepancy.problem import Part
-from discrepancy.verdict import from_json, to_json
+from discrepancy.simulation import Effect, Parameter
+from discrepancy.verdict import Quantity, from_json, to_json
 from messages.errors import UserError
 from tests.discrepancy_bench import EDGE_S, RATE_HZ, Path, Rig, coloured, forces, measured
 
@@ -154,6 +157,45 @@ def test_only_fits_what_it_is_told() -> None:
     assert set(named(found)) == {"gain", "offset"}
     with pytest.raises(UserError, match="effect friction: not in the library of rig"):
         explain(fit, held_out, seed=1, only=("friction",))
+
+
+_DELAY = Parameter("value_s", "s", 0.0, -0.02, 0.02, 2e-5)
+
+
+@dataclass(frozen=True)
+class OtherDelay(Rig):
+    """The rig whose delay has other bounds, or a formula that is off by some share of its value."""
+
+    delay: Parameter = _DELAY
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        return tuple(
+            replace(each, parameters=(self.delay,)) if each.name == "delay" else each for each in super().effects
+        )
+
+
+def delay_of(delay: Parameter) -> Quantity:
+    fit, held_out = (OtherDelay(rig.path, rig.measured, delay=delay) for rig in rigs("delay"))
+    return explain(fit, held_out, seed=1, only=("delay",)).verdict.causes[0].parameters["value_s"]
+
+
+def test_an_interval_holds_what_the_formula_itself_may_be_off_by() -> None:
+    exact, inexact = (delay_of(replace(_DELAY, inexact=share)) for share in (0.0, 0.2))
+    assert exact.value == inexact.value
+    assert None not in (exact.value, exact.low, exact.high, inexact.low, inexact.high)
+    assert exact.high - exact.low < 0.1 * exact.value  # type: ignore[operator]
+    assert inexact.high - inexact.low > 0.4 * exact.value  # type: ignore[operator]
+
+
+def test_no_interval_reaches_beyond_its_parameter_s_bounds() -> None:
+    told = delay_of(replace(_DELAY, high=1.005e-3, inexact=0.2))
+    assert told.high == pytest.approx(1.005e-3, rel=1e-12)
+
+
+def test_a_share_of_inexactness_is_refused_beyond_one() -> None:
+    with pytest.raises(ValueError, match="inexact"):
+        replace(_DELAY, inexact=1.0)
 
 
 def test_gains_are_told_apart_only_where_the_mass_is_known() -> None:
