@@ -83,3 +83,9 @@ def test_a_constant_far_above_the_declared_noise_is_no_slow_noise() -> None:
     assert louder(held_out, without, best)
     assert not louder(held_out, best, best)
     assert not louder(Problem(rig("offset")), without, best)
+
+
+def test_a_constant_that_is_there_on_both_recordings_stays_beside_another_cause() -> None:
+    fit, held_out = (rig("delay", "offset", seed=seed, noise_std=0.3) for seed in (4, 5))
+    found = explain(fit, held_out, seed=1)
+    assert {cause.name for cause in found.verdict.causes} == {"delay", "offset"}
