@@ -11,14 +11,13 @@ from mujoco import rollout
 from impedance.body import geometry
 from impedance.body.rigid_body import Array, Inertia
 from sim_rig.platform.model import DRIVE_HZ, drive_body, drive_spring, inertial, numbers
-from sim_rig.platform.rig import UPPER_FRAME
+from sim_rig.platform.rig import Rig
 
 RATE_HZ: Final = 350.0
 OVERSAMPLING: Final = 10
 STEP_S: Final = 1.0 / (OVERSAMPLING * RATE_HZ)
 SETTLE_S: Final = 1.0
-_STIFFNESS_NMPRAD: Final = (15470.0, 8594.0)
-_DAMPING_NMSPRAD: Final = 60.0
+_RIG: Final = Rig()
 _SAME_NM: Final = 1e-6
 
 Torques = Callable[[Array], Array]
@@ -140,9 +139,9 @@ def _xml(m: Mechanics) -> str:
   </option>
   <worldbody>
     <body name="upper_frame">
-      <joint name="theta" axis="0 0 1" stiffness="{_STIFFNESS_NMPRAD[0]!r}" damping="{_DAMPING_NMSPRAD!r}"/>
-      <joint name="phi" axis="1 0 0" stiffness="{_STIFFNESS_NMPRAD[1]!r}" damping="{_DAMPING_NMSPRAD!r}"/>
-      {inertial(UPPER_FRAME)}
+      <joint name="theta" axis="0 0 1" stiffness="{_RIG.stiffness_nmprad[0]!r}" damping="{_RIG.damping_nmsprad[0]!r}"/>
+      <joint name="phi" axis="1 0 0" stiffness="{_RIG.stiffness_nmprad[1]!r}" damping="{_RIG.damping_nmsprad[1]!r}"/>
+      {inertial(_RIG.upper_frame)}
       <body name="plate" pos="{numbers(m.lever_m)}">
         {inertial(m.plate)}
         <site name="S" pos="{numbers(m.sensor_m)}" quat="{numbers(_quaternion(m.sensor_turn_rad))}"/>
