@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from impedance.ankle.ankle import AXES, identify, spline
-from impedance.ankle.ankle_motion import bodies_of, motion_of
-from impedance.ankle.ankle_trial import Perturbation
+from impedance.ankle.impedance import AXES, identify, spline
+from impedance.ankle.motion import bodies_of, motion_of
+from impedance.ankle.trial import Perturbation
 from sim_rig.platform.ankle import AT_15_DB, FLAT_FOOT, SEED_NOISE, AnkleNoise, AnkleRun, measured, walk
 from sim_rig.platform.ankle_person import person
 

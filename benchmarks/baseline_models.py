@@ -14,7 +14,7 @@ from scipy import fft
 from scipy.optimize import Bounds, minimize
 
 from discrepancy.problem import Problem
-from discrepancy.refits import base_of
+from discrepancy.search.refits import base_of
 from discrepancy.simulation import FloatArray
 from messages.errors import UserError
 

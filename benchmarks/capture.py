@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.stereo_source import FramePair
-from drivers.v4l2 import split_eyes
+from drivers.camera.frame_pool import FramePair
+from drivers.camera.side_by_side import split_eyes
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
 BUFFERS, FRAMES = 25, 480

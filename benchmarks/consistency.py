@@ -4,7 +4,7 @@
 
 Each unit's walk is rendered once; the contradictions are then made of its samples and stamps. Times are in seconds of
 CLOCK_MONOTONIC: from the fault's begin to the first ground that flags it, and from its end to the first valid one of
-`STEADY_S` without a flag. Wrong is what `sim_rig.faults.judgement` calls so.
+`STEADY_S` without a flag. Wrong is what `lab.faults.judgement` calls so.
 """
 
 import argparse
@@ -17,11 +17,11 @@ import msgspec
 import numpy as np
 
 from daemon.pipeline import Pipeline
+from lab.faults.judgement import errors_of, flags
 from messages import Frame, GroundPlane, GroundTruth, ImuSample, Input, Status, StereoFrame, vec3
-from perception.ego_motion import EgoMotion, VisualOdometer
-from perception.foothold import FootholdSettings
+from perception.ground.foothold import FootholdSettings
+from perception.motion.ego_motion import EgoMotion, VisualOdometer
 from perception.so3 import Array
-from sim_rig.faults.judgement import errors_of, flags
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 

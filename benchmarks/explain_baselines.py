@@ -24,15 +24,15 @@ import numpy as np
 
 from benchmarks.baseline_models import BASELINES, Case
 from cli.console import console, progress, table, write_json
-from discrepancy.adequacy import Probe
-from discrepancy.gain import gain, nrmse
+from discrepancy.evidence.adequacy import Probe
+from discrepancy.evidence.gain import gain, nrmse
+from discrepancy.evidence.whitening import whitening
 from discrepancy.problem import Problem
-from discrepancy.whitening import whitening
+from lab.court.plan import SYSTEMS, hidden_system
+from lab.court.result import Result
+from lab.hidden import case as hidden
+from lab.hidden.case import Kind
 from messages.errors import UserError
-from sim_rig.court.plan import SYSTEMS, hidden_system
-from sim_rig.court.result import Result
-from sim_rig.hidden import case as hidden
-from sim_rig.hidden.case import Kind
 
 FINDER = "finder"
 _LEAST_EXCESS = 0.05  # of before²: below, there is nothing to remove
@@ -122,7 +122,7 @@ def judged(result: Result) -> JudgedCase:
     with tempfile.TemporaryDirectory(prefix="gaiteyes-baselines-") as name:
         fit, held_out = Path(name) / "fit", Path(name) / "held_out"
         hidden_system(truth.system).write(case, fit, held_out)
-        load = import_module(f"sim_rig.systems.{truth.system}").load
+        load = import_module(f"systems.{truth.system}").load
         began_s = time.monotonic()
         both = Case.of(Problem(load(fit)), Problem(load(held_out)))
         seconds = {"base model": time.monotonic() - began_s}

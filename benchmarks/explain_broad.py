@@ -12,10 +12,10 @@ import numpy as np
 
 from discrepancy.explain import explain
 from discrepancy.explanation import Explanation
-from sim_rig.systems.imu.broad import read_trial
-from sim_rig.systems.imu.motion import reading_of
-from sim_rig.systems.imu.recording import ImuRecording
-from sim_rig.systems.imu.simulation import ImuSimulation
+from systems.imu.broad import read_trial
+from systems.imu.motion import reading_of
+from systems.imu.recording import ImuRecording
+from systems.imu.simulation import ImuSimulation
 
 BESIDE = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "broad"
 PAIRS = (("01", "15"), ("07", "18"), ("24", "26"))

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages import StereoFrame
-from perception.foothold import FootholdSettings
-from perception.ground import GroundMeter
-from perception.ground_estimator import heading
-from perception.plane import Plane
-from perception.rectify import Rectifier, Window
+from perception.depth.rectify import Rectifier, Window
+from perception.ground.estimator import heading
+from perception.ground.foothold import FootholdSettings
+from perception.ground.meter import GroundMeter
+from perception.ground.plane import Plane
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 

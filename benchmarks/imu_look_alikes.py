@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from discrepancy.evidence.whitening import Whitening, whitening
 from discrepancy.simulation import Effect
-from discrepancy.whitening import Whitening, whitening
-from sim_rig.hidden.case import Case, Kind
-from sim_rig.hidden.imu import write
-from sim_rig.systems.imu import load
-from sim_rig.systems.imu.simulation import ImuSimulation
+from lab.hidden.case import Case, Kind
+from lab.hidden.imu import write
+from systems.imu import load
+from systems.imu.simulation import ImuSimulation
 
 Array = NDArray[np.float64]
 PRINTED = 0.5

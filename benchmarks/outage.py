@@ -18,8 +18,8 @@ from rich.table import Table
 
 from benchmarks.attitude import coverage
 from messages import Residual, Status
-from perception.attitude import AttitudeFilter, AttitudeSettings
-from perception.imu_model import corrected
+from perception.attitude.filter import AttitudeFilter, AttitudeSettings
+from perception.attitude.imu_model import corrected
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 from tests.hip_motion import Motion, tilt_errors_W

@@ -17,7 +17,6 @@ import numpy as np
 
 from cli.console import console, progress, table, write_json
 from impedance.body.rigid_body import Array
-from impedance.first_study.seed_estimator import Variant, foot_residual, least_residual, plate_residual
 from impedance.identification.bound import propagated, true_information
 from impedance.identification.identification import (
     BAND_SHARE,
@@ -33,6 +32,7 @@ from impedance.identification.observability import INTERVAL_95, NAMES, about_cog
 from impedance.identification.spectra import Spectra
 from impedance.recording.recording import PlatformRecording
 from impedance.recording.synchronous import synchronous
+from impedance.thesis.estimator import Variant, foot_residual, least_residual, plate_residual
 from sim_rig.platform.rig import FOOT, PLATE, THESIS_NOISE, Rig
 from sim_rig.platform.run import RunSettings, SimulatedRun, measured, simulate
 

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from discrepancy.library import Candidate
 from discrepancy.problem import Problem
-from discrepancy.search import Search
+from discrepancy.search.candidates import Candidate
+from discrepancy.search.search import Search
 from impedance.body.rigid_body import Array
-from sim_rig.hidden.case import Case, Kind
-from sim_rig.hidden.platform import SIZES, write
-from sim_rig.systems.platform import load
+from lab.hidden.case import Case, Kind
+from lab.hidden.platform import SIZES, write
+from systems.platform import load
 
 NOT_TOLD, HARDLY = 10.0, 0.01
 SEEDS = {"plate known": 12, "plate unknown": 11, "foot": 1}

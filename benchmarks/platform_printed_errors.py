@@ -7,11 +7,11 @@ from impedance.body import geometry
 from impedance.body.equations import body_wrench, plate_and_foot_wrench, tare
 from impedance.body.kinematics import Kinematics
 from impedance.body.rigid_body import Array, Inertia, wrench_transform
-from impedance.first_study.signals import LOW_PASS_LOST, derivative_taps, low_pass_taps, low_passed
+from impedance.thesis.signals import LOW_PASS_LOST, derivative_taps, low_pass_taps, low_passed
+from lab.thesis.printed import FOOT as PRINTED_FOOT
+from lab.thesis.printed import RATES_HZ, body_of
 from sim_rig.platform.rig import FOOT, MOTION_HZ, PLATE, THESIS_NOISE, UPPER_FRAME, Rig
 from sim_rig.platform.run import RunSettings, SimulatedRun, simulate
-from sim_rig.thesis.printed import FOOT as PRINTED_FOOT
-from sim_rig.thesis.printed import RATES_HZ, body_of
 
 SECONDS = 20.0
 SEED = 1

@@ -19,8 +19,8 @@ import numpy as np
 
 from daemon.recorder import Recorder, RecordingInfo
 from daemon.recording_file import RecordingFile, entries_of
+from lab.faults.daemon_process import resident_mb
 from messages import FrameHeader, ImuSample, Source, StereoFrame, Tick
-from sim_rig.faults.daemon_process import resident_mb
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
 

@@ -18,8 +18,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from sim_rig.faults.report import Process
-from sim_rig.faults.stage import Stage
+from lab.faults.report import Process
+from lab.faults.stage import Stage
 
 _SETTLED_S = 60.0
 _LOSSES = ("imu_lost", "imu_refused", "inbox_dropped", "recorder_dropped", "can_errors", "zenoh_errors")

@@ -10,9 +10,9 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from lab.evaluation.floor import FloorScore
+from lab.evaluation.score import Score
 from messages.errors import UserError
-from sim_rig.judge.floor import FloorScore
-from sim_rig.judge.score import Score
 
 T = TypeVar("T")
 _WIDTH_OF_A_FILE = 110

@@ -33,12 +33,12 @@ def demo(
     from daemon.config import Configuration, load_configuration
     from daemon.publish_zenoh import ZenohSettings
     from daemon.summary import Tally
-    from drivers.can_bus import parse_can
-    from drivers.mpu6050 import Mpu6050
-    from drivers.mpu6050_settings import Mpu6050Settings
+    from drivers.can.bus import parse_can
+    from drivers.imu.mpu6050 import Mpu6050
+    from drivers.imu.settings import Mpu6050Settings
+    from lab.evaluation.referee import Referee
     from messages import Source
-    from sim_rig.judge.referee import Referee
-    from sim_rig.slcan_hub import open_hub
+    from sim_rig.can.slcan_hub import open_hub
     from sim_rig.walk.scenario import Pace
     from sim_rig.walk.scenario import scenario as scenario_named
     from sim_rig.wearer import SimulatedWearer

@@ -5,15 +5,15 @@ from functools import partial
 
 from daemon.camera_seat import OpenCamera
 from daemon.config import CameraConfig, ImuConfig
-from drivers.data_ready import GpiodDataReady, parse_data_ready
-from drivers.mpu6050 import Mpu6050
-from drivers.mpu6050_settings import Mpu6050Settings
+from drivers.camera.depth import V4l2DepthCamera
+from drivers.camera.pair import V4l2CameraPair
+from drivers.camera.side_by_side import V4l2StereoCamera
+from drivers.camera.zed import ZedCamera
+from drivers.imu.data_ready import GpiodDataReady, parse_data_ready
+from drivers.imu.mpu6050 import Mpu6050
+from drivers.imu.register_access import open_i2c
+from drivers.imu.settings import Mpu6050Settings
 from drivers.protocols import DeviceError, FrameSource
-from drivers.register_access import open_i2c
-from drivers.v4l2 import V4l2StereoCamera
-from drivers.v4l2_depth import V4l2DepthCamera
-from drivers.v4l2_pair import V4l2CameraPair
-from drivers.zed import ZedCamera
 from messages import DepthUnitCalibration, UnitCalibration
 
 POOL_FRAMES = 16

@@ -14,7 +14,7 @@ JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the same fa
 def motorcycle(json: JsonFile = None) -> None:
     """A real stereo photograph: the floor as matched beside the floor in its true disparity."""
     from cli.console import table, write_json
-    from sim_rig.judge.real_pair import compare_floor, load
+    from lab.evaluation.real_pair import compare_floor, load
 
     found = compare_floor(load())
     table(
@@ -41,8 +41,8 @@ def rig(
 ) -> None:
     """The simulated wearer offline: slope and height error on each kind of ground, for several units."""
     from cli.console import check_writable, progress, score_table, seed_list, write_json
-    from sim_rig.judge.offline import score_walk
-    from sim_rig.judge.score import Scoreboard
+    from lab.evaluation.offline import score_walk
+    from lab.evaluation.score import Scoreboard
 
     check_writable(json)
     boards = {}

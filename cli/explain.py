@@ -44,7 +44,7 @@ def _command(system: str) -> Callable[..., None]:
     ) -> None:
         from cli.console import check_writable, console
         from discrepancy.explain import explain as explained
-        from discrepancy.output import check_report, write
+        from discrepancy.report.output import check_report, write
         from discrepancy.restricted import check_names
         from discrepancy.restricted import without as restricted
         from discrepancy.verdict import to_json
@@ -84,8 +84,8 @@ def simulate(
 ) -> None:
     """Simulate a recording with an extended model, beside the base model at the same parameters of its own."""
     from cli.console import console
-    from discrepancy.extended import load_extended
-    from discrepancy.output import beside_text
+    from discrepancy.report.extended import load_extended
+    from discrepancy.report.output import beside_text
     from messages.errors import UserError
 
     if system not in _SYSTEMS:
@@ -107,7 +107,7 @@ def _loaded(system: str, folder: Path) -> "Simulation":
     if not folder.is_dir():
         raise UserError(f"{folder}: no such folder")
     try:
-        simulation: Simulation = import_module(f"sim_rig.systems.{system}").load(folder)
+        simulation: Simulation = import_module(f"systems.{system}").load(folder)
     except ModuleNotFoundError as error:
         raise UserError(f"{system} needs {error.name}: pip install 'gaiteyes[rig,lab]'") from error
     return simulation
@@ -128,7 +128,7 @@ def _write(path: Path, data: bytes) -> None:
 
 def _print(explanation: "Explanation") -> None:
     from cli.console import console, table
-    from discrepancy.shown import headline, parameter_words, quantity_text, share_text, words
+    from discrepancy.report.wording import headline, parameter_words, quantity_text, share_text, words
 
     verdict, gain = explanation.verdict, explanation.verdict.gain
     console.print(headline(verdict), style="bold", highlight=False)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from sim_rig.court.score import SystemScore
+    from lab.court.score import SystemScore
 
 
 def court(
@@ -28,12 +28,12 @@ def court(
 ) -> None:
     """Judge the finder on hidden effects: seeds come from the system's entropy and are told only afterwards."""
     from cli.console import check_writable, console, write_json
+    from lab.court.plan import SYSTEMS, hidden_system, slots
+    from lab.court.result import Result
+    from lab.court.run import check_same_court, executor, results, run
+    from lab.court.score import score
+    from lab.court.tables import markdown
     from messages.errors import UserError
-    from sim_rig.court.plan import SYSTEMS, hidden_system, slots
-    from sim_rig.court.result import Result
-    from sim_rig.court.run import check_same_court, executor, results, run
-    from sim_rig.court.score import score
-    from sim_rig.court.tables import markdown
 
     check_writable(json)
     chosen = [name.strip() for name in systems.split(",")]
@@ -65,7 +65,7 @@ def court(
 
 def _print(scores: "list[SystemScore]") -> None:
     from cli.console import table
-    from sim_rig.court.tables import (
+    from lab.court.tables import (
         CONFUSION_COLUMNS,
         SMALLEST_COLUMNS,
         confusion_rows,

@@ -14,7 +14,7 @@ def effects(
     """List every effect of every system's library."""
     from cli.console import console, table
     from messages.errors import UserError
-    from sim_rig.systems.listing import libraries, page
+    from systems.listing import libraries, page
 
     by_system = libraries()
     for system, library in by_system.items():

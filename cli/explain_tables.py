@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from sim_rig.thesis.hypotheses import Sizes
-    from sim_rig.thesis.search import Candidate
-    from sim_rig.thesis.verdict import TablesVerdict
+    from lab.thesis.hypotheses import Sizes
+    from lab.thesis.search import Candidate
+    from lab.thesis.verdict import TablesVerdict
 
 _SHOWN = 12
 
@@ -36,8 +36,8 @@ def tables(
 
     check_writable(json)
     try:
-        from sim_rig.thesis.hypotheses import Study
-        from sim_rig.thesis.verdict import Effort, judged
+        from lab.thesis.hypotheses import Study
+        from lab.thesis.verdict import Effort, judged
     except ModuleNotFoundError as error:
         raise UserError(f"the platform's simulation needs {error.name}: pip install 'gaiteyes[lab]'") from error
 
@@ -70,7 +70,7 @@ def _once(candidates: "Iterable[Candidate]") -> "list[Candidate]":
 
 
 def _row(candidate: "Candidate") -> list[str]:
-    from sim_rig.thesis.causes import CAUSES
+    from lab.thesis.causes import CAUSES
 
     m = candidate.misfit
     return [
@@ -87,8 +87,8 @@ def _row(candidate: "Candidate") -> list[str]:
 
 def _table_of_best(found: "TablesVerdict") -> None:
     from cli.console import table
-    from sim_rig.thesis.hypotheses import CELLS, printed_cells, tolerances
-    from sim_rig.thesis.printed import RATES_HZ
+    from lab.thesis.hypotheses import CELLS, printed_cells, tolerances
+    from lab.thesis.printed import RATES_HZ
 
     best = found.best
     printed, tolerance = printed_cells(), tolerances()

@@ -20,11 +20,11 @@ def faults(
     import tempfile
 
     from cli.console import check_writable, console, table, write_json
-    from sim_rig.faults.campaign import Campaign, Trial
-    from sim_rig.faults.catalogue import CATALOGUE, named
-    from sim_rig.faults.catalogue import pairs as drawn
-    from sim_rig.faults.report import TrialReport
-    from sim_rig.faults.text import COLUMNS, line, listing, row, summary
+    from lab.faults.campaign import Campaign, Trial
+    from lab.faults.catalogue import CATALOGUE, named
+    from lab.faults.catalogue import pairs as drawn
+    from lab.faults.report import TrialReport
+    from lab.faults.text import COLUMNS, line, listing, row, summary
 
     chosen = list(CATALOGUE.values()) if only is None else named(only)
     if show:

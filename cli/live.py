@@ -17,7 +17,7 @@ from daemon.summary import Tally
 from messages import GroundPlane, Status
 
 if TYPE_CHECKING:
-    from sim_rig.judge.referee import Referee  # a wearable has no rig
+    from lab.evaluation.referee import Referee  # a wearable has no rig
 
 
 class LiveStatus:

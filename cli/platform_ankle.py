@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from impedance.ankle.ankle_table import AnkleTable
+    from impedance.ankle.table import AnkleTable
 
 ankle = typer.Typer(help="Identify the ankle's stiffness and damping over stance.", no_args_is_help=True)
 
@@ -23,8 +23,8 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="Seed of person, steps and noise.")] = 1,
 ) -> None:
     """Simulate a person on the platform; truth.toml beside the trial holds the true impedance."""
-    from impedance.ankle.ankle_table import save_table
-    from impedance.ankle.ankle_trial import Perturbation, save_trial
+    from impedance.ankle.table import save_table
+    from impedance.ankle.trial import Perturbation, save_trial
     from sim_rig.platform.ankle import AnkleNoise, measured, true_table, walk
     from sim_rig.platform.ankle_person import person
 
@@ -43,10 +43,10 @@ def identify(
 ) -> None:
     """Identify stiffness, damping and inertia about both axes, with 95 % intervals."""
     from cli.console import check_writable, console, write_json
-    from impedance.ankle.ankle import identify as identified
-    from impedance.ankle.ankle_plot import draw
-    from impedance.ankle.ankle_table import save_table, table_of
-    from impedance.ankle.ankle_trial import load_trial
+    from impedance.ankle.impedance import identify as identified
+    from impedance.ankle.plot import draw
+    from impedance.ankle.table import save_table, table_of
+    from impedance.ankle.trial import load_trial
 
     check_writable(json)
     recorded = load_trial(trial)

@@ -24,7 +24,7 @@ def identify(
     """Identify the plate, or the foot where one is mounted: ten parameters with 95 % intervals."""
     from cli.console import check_writable, console, table, write_json
     from impedance.identification.identification import identify as identified
-    from impedance.identification.platform_report import HEADING, facts, parameter_rows, remarks, write_report
+    from impedance.identification.report import HEADING, facts, parameter_rows, remarks, write_report
     from impedance.recording.recording import PlatformRecording
 
     check_writable(json)

@@ -39,9 +39,9 @@ def simulate(
         from sim_rig.platform.run import simulate as simulated
     except ModuleNotFoundError as error:
         raise UserError(f"the platform's simulation needs {error.name}: pip install 'gaiteyes[lab]'") from error
-    from discrepancy.extended import read_extended
-    from sim_rig.hidden.platform.extension import Run
-    from sim_rig.hidden.platform.extension import extended as simulated_extended
+    from discrepancy.report.extended import read_extended
+    from lab.hidden.platform.extension import Run
+    from lab.hidden.platform.extension import extended as simulated_extended
     from sim_rig.platform.picture import draw
     from sim_rig.platform.rig import FOOT, PLATE, THESIS_NOISE, Rig
 

@@ -21,7 +21,7 @@ def tables(
 
     check_writable(json)
     if ablations:
-        from sim_rig.thesis.ablations import (
+        from lab.thesis.ablations import (
             ABLATIONS,
             FOOT_SHOWN,
             PLATE_SHOWN,
@@ -30,7 +30,7 @@ def tables(
             plate_row,
             printed_effects,
         )
-        from sim_rig.thesis.study import Laboratory
+        from lab.thesis.study import Laboratory
 
         laboratory = Laboratory(seed, seconds)
         effects = [effect_of(ablation, laboratory, draws) for ablation in progress(ABLATIONS, "ablating")]
@@ -42,9 +42,9 @@ def tables(
             write_json(json, [effect.facts for effect in effects])
         return
 
-    from sim_rig.thesis.printed import FOOT, PLATE, RATES_HZ
-    from sim_rig.thesis.reproduced import ERROR_COLUMNS, error_rows, reproduced, value_columns, value_rows
-    from sim_rig.thesis.study import NOISE_FREE, Experiment, Laboratory, Treatment
+    from lab.thesis.printed import FOOT, PLATE, RATES_HZ
+    from lab.thesis.reproduced import ERROR_COLUMNS, error_rows, reproduced, value_columns, value_rows
+    from lab.thesis.study import NOISE_FREE, Experiment, Laboratory, Treatment
 
     laboratory, usual = Laboratory(seed, seconds), Experiment()
     experiments = [

@@ -22,9 +22,9 @@ def replay(
     from daemon import replay as replaying
     from daemon.config import load_configuration
     from daemon.pipeline import Pipeline
+    from lab.evaluation.floor import score_floor
+    from lab.evaluation.score import Scoreboard
     from messages import Frame, Status
-    from sim_rig.judge.floor import score_floor
-    from sim_rig.judge.score import Scoreboard
 
     check_writable(json)
     cv2.setNumThreads(1)

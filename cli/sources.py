@@ -8,10 +8,10 @@ import msgspec
 from calib.asl_yaml import load_asl_calibration
 from calib.files import check_frame_size, parse_calibration
 from daemon.config import Configuration, parse_configuration
-from drivers.asl_folder import AslFolder, TruthTrack
-from drivers.recording import McapRecording
+from drivers.recording.asl_folder import AslFolder, TruthTrack
+from drivers.recording.recording import McapRecording
 from messages import GroundTruth, Input, UnitCalibration
-from perception.foothold import FootholdSettings
+from perception.ground.foothold import FootholdSettings
 
 FLOOR_OF_A_FOLDER = FootholdSettings(ahead_m=1.5, half_length_m=0.75, half_width_m=0.75)
 """A folder's camera hangs nobody knows how: 0.75 to 2.25 m ahead is floor for most that look at one."""

@@ -18,7 +18,7 @@ from daemon.recorder import Recorder, RecordingInfo
 from daemon.service import Background, Devices, Service
 from daemon.stamping import Stamper, read_boot_id
 from daemon.summary import RunSummary
-from drivers.can_link import CanLink
+from drivers.can.link import CanLink
 from drivers.protocols import FrameSource, ImuSource
 from messages import Source, UnitCalibration, UserError
 

@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator, Sequence
 import msgspec
 import numpy as np
 
-from drivers.can_bus import CanSettings
-from drivers.can_link import CanLink
-from drivers.mpu6050_self_test import SelfTest
+from drivers.can.bus import CanSettings
+from drivers.can.link import CanLink
+from drivers.imu.self_test import SelfTest
 from drivers.protocols import DeviceError, FrameSource, ImuSource
 from messages import Frame, ImuSample, StereoFrame
 

@@ -8,10 +8,10 @@ import tomli
 
 from daemon.publish_zenoh import ZenohSettings
 from daemon.realtime import RealtimeConfig
-from drivers.can_bus import CanSettings
+from drivers.can.bus import CanSettings
 from messages import UserError
 from messages.checked import checked
-from perception.foothold import FootholdSettings
+from perception.ground.foothold import FootholdSettings
 
 
 class ImuConfig(msgspec.Struct, frozen=True, kw_only=True):
@@ -29,7 +29,7 @@ class ImuConfig(msgspec.Struct, frozen=True, kw_only=True):
 class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
     """The camera: `device` delivers both eyes side by side, as a ZED does, or depth; the calibration tells which, and
     the size of one eye. Or `left` and `right` are two cameras, used while they expose within `max_skew_s` of each other
-    (see drivers.v4l2_pair for what that costs). A path of /dev/v4l/by-id or by-path outlives unplugging.
+    (see drivers.camera.pair for what that costs). A path of /dev/v4l/by-id or by-path outlives unplugging.
 
     `rate_hz` is preferred among the camera's rates. `exposure_s` and `gain_percent` fix both eyes of a ZED; without
     them its automatic is left as it is.

@@ -20,11 +20,11 @@ from messages import (
     Tick,
     UnitCalibration,
 )
-from perception.attitude_track import AttitudeTrack
-from perception.foothold import FootholdSettings
+from perception.attitude.track import AttitudeTrack
 from perception.frame_guard import FrameGuard
-from perception.ground_estimator import GroundEstimator, no_ground
-from perception.motion_watch import MotionWatch
+from perception.ground.estimator import GroundEstimator, no_ground
+from perception.ground.foothold import FootholdSettings
+from perception.motion.watch import MotionWatch
 
 LONGEST_WAIT_NS = 20_000_000
 """How long after its arrival a frame waits for an IMU sample later than its exposure, told by ticks."""

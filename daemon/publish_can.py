@@ -11,13 +11,13 @@ from collections.abc import Callable
 from typing import Protocol
 
 from daemon.outgoing import in_time
-from drivers.can_link import SendResult
+from drivers.can.link import SendResult
 from messages import TOPIC_OF, Estimate, GroundPlane, Health, Stamp
 from messages.can_frames import CanEncoder, CanFrame
 
 
 class FrameSender(Protocol):
-    """The part of drivers.can_link.CanLink that sends."""
+    """The part of drivers.can.link.CanLink that sends."""
 
     def send(self, frame: CanFrame) -> SendResult:
         """Hand one frame to the bus, or drop it and say why."""

@@ -17,7 +17,7 @@ from foxglove import Channel, Context, Schema, open_mcap
 from foxglove.mcap import MCAPWriteOptions
 from foxglove.messages import RawImage, Timestamp
 
-from drivers.recording import ABOUT, CALIBRATION_FILE, CONFIGURATION_FILE, ENCODINGS, FORMAT, IMAGE_CHANNELS
+from drivers.recording.recording import ABOUT, CALIBRATION_FILE, CONFIGURATION_FILE, ENCODINGS, FORMAT, IMAGE_CHANNELS
 from messages import (
     TOPIC_OF,
     TOPICS,

@@ -5,20 +5,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from discrepancy.adequacy import Predictable, Probe, adequacy
-from discrepancy.equivalents import equivalents
+from discrepancy.evidence.adequacy import Predictable, Probe, adequacy
+from discrepancy.evidence.gain import gain
+from discrepancy.evidence.signature import coherence, nothing_left, power_density, signature
+from discrepancy.evidence.whitening import whitening
 from discrepancy.explanation import Adequacy, Evidence, Explanation, Spectrum, Status, View
-from discrepancy.fit import Fit, Intervals
-from discrepancy.gain import gain
-from discrepancy.library import Candidate
-from discrepancy.material import intervals_of, kept
 from discrepancy.problem import Part, Problem
-from discrepancy.scores import PENALTY, probability, threshold
-from discrepancy.search import Found, Search
-from discrepancy.signature import coherence, nothing_left, power_density, signature
+from discrepancy.search.candidates import Candidate
+from discrepancy.search.equivalents import equivalents
+from discrepancy.search.fit import Fit, Intervals
+from discrepancy.search.pruning import intervals_of, kept
+from discrepancy.search.scores import PENALTY, probability, threshold
+from discrepancy.search.search import Found, Search
 from discrepancy.simulation import FloatArray, Simulation
 from discrepancy.verdict import Cause, Gain, Quantity, Remainder, Verdict, number
-from discrepancy.whitening import whitening
 from messages.errors import UserError
 
 __all__ = ["Explanation", "explain"]

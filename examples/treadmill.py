@@ -12,9 +12,9 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from discrepancy.explain import explain
-from discrepancy.output import write
-from discrepancy.own import OwnSimulation
-from discrepancy.shown import headline, quantity_text
+from discrepancy.own_simulation import OwnSimulation
+from discrepancy.report.output import write
+from discrepancy.report.wording import headline, quantity_text
 from discrepancy.simulation import Channels, Effect, FloatArray, Parameter, Values
 
 RATE_HZ, CUTOFF_HZ, EVERY, TAPS = 100.0, 6.0, 4, 31

@@ -6,8 +6,8 @@ import numpy as np
 
 from messages import DepthFrame, DepthUnitCalibration, Frame, GroundTruth, ImuSample, Tick
 from sim_rig.camera.depth_renderer import DepthErrors, DepthRenderer
+from sim_rig.camera.depth_unit import DEPTH_HEIGHT_PX, DEPTH_WIDTH_PX, draw_depth_unit
 from sim_rig.camera.shutter import Shutter
-from sim_rig.depth_unit import DEPTH_HEIGHT_PX, DEPTH_WIDTH_PX, draw_depth_unit
 from sim_rig.walk.scenario import Scenario
 from sim_rig.walk.truth import TruthSource
 from sim_rig.wearer import SimulatedWearer

@@ -7,9 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from drivers.mpu6050 import Mpu6050
-from drivers.mpu6050_settings import Mpu6050Settings
-from drivers.stereo_source import FramePair
+from drivers.camera.frame_pool import FramePair
+from drivers.imu.mpu6050 import Mpu6050
+from drivers.imu.settings import Mpu6050Settings
 from messages import Calibration, Frame, GroundTruth, ImuSample, StereoFrame, Tick
 from sim_rig.camera.rendered_frames import RenderedFrames, Scene
 from sim_rig.camera.rig_camera import RigCamera

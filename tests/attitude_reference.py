@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from messages import Residual
-from perception.attitude import AttitudeSettings, AttitudeState
+from perception.attitude.filter import AttitudeSettings, AttitudeState
 
 Array = NDArray[np.float64]
 

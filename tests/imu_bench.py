@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.mpu6050 import Mpu6050
-from drivers.mpu6050_chips import MPU6050_WHO_AM_I
-from drivers.mpu6050_settings import Mpu6050Settings
+from drivers.imu.chips import MPU6050_WHO_AM_I
+from drivers.imu.mpu6050 import Mpu6050
+from drivers.imu.settings import Mpu6050Settings
 from messages import ImuSample
 from sim_rig.imu.chip_unit import SF_NOISE_DENSITY, W_NOISE_DENSITY, ChipUnit
 from sim_rig.imu.data_ready import SimulatedDataReady

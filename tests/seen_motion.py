@@ -8,7 +8,7 @@ from itertools import takewhile
 import numpy as np
 
 from messages import Vec3, vec3
-from perception.ego_motion import EgoMotion
+from perception.motion.ego_motion import EgoMotion
 from sim_rig.walk.gait import Gait
 from sim_rig.walk.scenario import Pace, scenario
 

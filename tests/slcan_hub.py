@@ -4,7 +4,7 @@ import contextlib
 import threading
 from collections.abc import Iterator
 
-from sim_rig.slcan_hub import SlcanHub
+from sim_rig.can.slcan_hub import SlcanHub
 
 
 @contextlib.contextmanager

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.v4l2 import V4l2StereoCamera
-from drivers.v4l2_device import IoctlArgument, Kernel
+from drivers.camera.side_by_side import V4l2StereoCamera
+from drivers.camera.v4l2_device import IoctlArgument, Kernel
 from messages import DepthImage, StereoFrame
 from sim_rig.camera.v4l2_node import DepthScene, ManualClock, Mode, V4l2Node, stepping_card
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from drivers.v4l2_pair import V4l2CameraPair
+from drivers.camera.pair import V4l2CameraPair
 from sim_rig.camera.v4l2_machine import V4l2Machine
 from sim_rig.camera.v4l2_node import EyeScene, ManualClock, Mode, V4l2Node, stepping_card
 

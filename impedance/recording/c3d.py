@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from impedance.body import geometry
 from impedance.body.rigid_body import Array, wrench_transform
+from impedance.recording.check import Stream
 from impedance.recording.plain_files import read_toml
 from impedance.recording.recording import (
     FOOT_COLUMNS,
@@ -31,7 +32,6 @@ from impedance.recording.recording import (
     Triple,
     settings_of,
 )
-from impedance.recording.recording_check import Stream
 from messages.checked import checked
 from messages.errors import UserError
 

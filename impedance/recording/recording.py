@@ -16,9 +16,9 @@ import numpy as np
 from msgspec import Meta
 
 from impedance.body.rigid_body import Array, Inertia
+from impedance.recording.check import Stream, on_grid, prepared
 from impedance.recording.plain_files import read_toml, write_toml
-from impedance.recording.recording_check import Stream, on_grid, prepared
-from impedance.recording.recording_table import read_columns, write_columns
+from impedance.recording.table import read_columns, write_columns
 from messages.checked import checked
 from messages.errors import UserError
 

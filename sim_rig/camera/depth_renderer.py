@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages import DepthImage
-from sim_rig.depth_unit import DEPTH_HEIGHT_PX, DEPTH_WIDTH_PX, DepthUnit
+from sim_rig.camera.depth_unit import DEPTH_HEIGHT_PX, DEPTH_WIDTH_PX, DepthUnit
 from sim_rig.walk.gait import FloatArray, Gait
 from sim_rig.walk.world import Segment, World
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages import GreyImage, Lens
-from perception.rectify import undistorted_rays
+from perception.depth.rectify import undistorted_rays
 from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXEL_M, TILE, canvas
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import FloatArray, Gait, Motion

@@ -14,7 +14,7 @@ from collections.abc import Set
 
 import numpy as np
 
-from drivers import v4l2_abi as v4l2
+from drivers.camera import v4l2_abi as v4l2
 
 _REWRITTEN = 0xA5
 

@@ -4,13 +4,13 @@ import errno
 import mmap
 from collections.abc import Sequence
 
-from drivers.v4l2_device import IoctlArgument
+from drivers.camera.v4l2_device import IoctlArgument
 from sim_rig.camera.v4l2_buffers import os_error
 from sim_rig.camera.v4l2_node import V4l2Node
 
 
 class V4l2Machine:
-    """A Kernel (see `drivers.v4l2_device`) with these nodes, all on the clock of the first."""
+    """A Kernel (see `drivers.camera.v4l2_device`) with these nodes, all on the clock of the first."""
 
     def __init__(self, nodes: Sequence[V4l2Node]) -> None:
         self._nodes = nodes

@@ -13,9 +13,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from drivers import uvc_abi as uvc
-from drivers import v4l2_abi as v4l2
-from drivers.v4l2_device import IoctlArgument
+from drivers.camera import uvc_abi as uvc
+from drivers.camera import v4l2_abi as v4l2
+from drivers.camera.v4l2_device import IoctlArgument
 from messages import DepthImage, GreyImage
 from sim_rig.camera.v4l2_buffers import Buffers, Slot, check, os_error
 from sim_rig.camera.v4l2_pixels import PIXEL_BYTES, write_pixels
@@ -32,7 +32,7 @@ DepthScene = Callable[[int], tuple[DepthImage]]
 
 
 class Clock(Protocol):
-    """The time the camera runs in; `drivers.v4l2_device.LinuxKernel` is the real one."""
+    """The time the camera runs in; `drivers.camera.v4l2_device.LinuxKernel` is the real one."""
 
     def monotonic_ns(self) -> int:
         """Return the time."""
@@ -98,7 +98,7 @@ def stepping_card(width_px: int, height_px: int) -> Scene:
 
 @dataclass(eq=False)
 class V4l2Node:
-    """A Kernel (see `drivers.v4l2_device`) that has one camera and nothing else.
+    """A Kernel (see `drivers.camera.v4l2_device`) that has one camera and nothing else.
 
     Frames are exposed on `clock` at the rate set, or every `slow_period_s` if that is longer, as when a camera exposes
     longer in poor light; they become ready `transfer_s` after their stamp. `faults` and `stamp_jitter_s` go by the

@@ -1,6 +1,6 @@
 """Extension unit 4 of a ZED behind UVCIOC_CTRL_QUERY: the registers of its image processor and its two sensors.
 
-It answers as uvcvideo does, errno for errno (the kernel's uvc_ctrl.c, `uvc_xu_ctrl_query`), and as drivers.zed
+It answers as uvcvideo does, errno for errno (the kernel's uvc_ctrl.c, `uvc_xu_ctrl_query`), and as drivers.camera.zed
 describes the unit. While the automatic of an eye is on, it rules that eye's exposure and gain: what is written to them
 does not last.
 """
@@ -10,7 +10,7 @@ import errno
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from drivers import uvc_abi as uvc
+from drivers.camera import uvc_abi as uvc
 from sim_rig.camera.v4l2_buffers import os_error
 
 UNIT, SELECTOR = 4, 2

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.mpu6050_self_test import TrimCodes
+from drivers.imu.self_test import TrimCodes
 
 _STANDARD_GRAVITY_MPS2 = 9.80665
 

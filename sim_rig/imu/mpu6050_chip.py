@@ -1,7 +1,7 @@
 """An MPU-6050, or a relative, behind its registers, driven by a motion and a clock. It passes for hardware.
 
-Source: InvenSense MPU-6000/MPU-6050 Register Map and Descriptions, and `drivers.mpu6050_chips` for what differs.
-Modelled: the registers of `drivers.mpu6050_registers`, sleep after reset, clock sources, rate divider, filters with
+Source: InvenSense MPU-6000/MPU-6050 Register Map and Descriptions, and `drivers.imu.chips` for what differs.
+Modelled: the registers of `drivers.imu.registers`, sleep after reset, clock sources, rate divider, filters with
 their delays, ranges with clipping, FIFO with overflow, interrupts, temperature, noise, bias, clock error, self-test
 and standby of single axes. Not modelled: I2C master, motion detection and cycle mode (their registers read 0 and
 ignore writing).
@@ -13,8 +13,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.mpu6050_chips import CHIPS, MPU6050_WHO_AM_I
-from drivers.mpu6050_registers import (
+from drivers.imu.chips import CHIPS, MPU6050_WHO_AM_I
+from drivers.imu.registers import (
     ACCEL_RANGES,
     GYRO_RANGES,
     STANDARD_GRAVITY_MPS2,
@@ -25,7 +25,7 @@ from drivers.mpu6050_registers import (
     Register,
     UserControl,
 )
-from drivers.mpu6050_self_test import factory_trim_lsb, ranges_under_test
+from drivers.imu.self_test import factory_trim_lsb, ranges_under_test
 from sim_rig.imu.chip_unit import ChipUnit
 from sim_rig.imu.mpu6050_signal import Motion, SignalChain, SignalSettings
 
@@ -74,7 +74,7 @@ _FIFO_SIZES = (512, 1024, 2048, 4096)  # by ACCEL_CONFIG_2 bits 7:6, where the c
 class Mpu6050Chip:
     """One simulated chip, powered since its making and as a real one is after a reset: an MPU-6050 is asleep.
 
-    `who_am_i` chooses which of `drivers.mpu6050_chips` it is; any other value makes an MPU-6050 that answers so.
+    `who_am_i` chooses which of `drivers.imu.chips` it is; any other value makes an MPU-6050 that answers so.
     Changed while it runs, it changes the answer alone. `motion` is the truth, `unit` this chip's errors, `clock` the
     host's monotonic nanoseconds: whatever is read reflects the samples complete at that instant. `distortion`, which
     may also change, turns the counts (n, 7) of the signal chain into those shown. For one thread at a time.

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import bilinear, lfilter, lfilter_zi
 
-from drivers.mpu6050_chips import ChipModel, FilterRow
-from drivers.mpu6050_registers import INTERNAL_RATE_HZ, STANDARD_GRAVITY_MPS2, RangeRow
+from drivers.imu.chips import ChipModel, FilterRow
+from drivers.imu.registers import INTERNAL_RATE_HZ, STANDARD_GRAVITY_MPS2, RangeRow
 from sim_rig.imu.chip_unit import ChipUnit
 
 Floats = NDArray[np.float64]

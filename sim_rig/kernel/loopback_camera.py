@@ -7,7 +7,7 @@ import os
 
 import numpy as np
 
-from drivers import v4l2_abi as v4l2
+from drivers.camera import v4l2_abi as v4l2
 from messages import GreyImage, UserError
 
 _V4L2_BUF_TYPE_VIDEO_OUTPUT = 2

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from impedance.ankle.ankle_table import AnkleTable, AxisTable
-from impedance.ankle.ankle_trial import (
+from impedance.ankle.table import AnkleTable, AxisTable
+from impedance.ankle.trial import (
     Ankle,
     AnkleTrial,
     BodyPrior,

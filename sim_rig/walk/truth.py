@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from messages import GroundTruth, Pose, StereoCalibration
-from perception.rectify import intrinsics
+from perception.depth.rectify import intrinsics
 from sim_rig.walk.gait import Gait
 from sim_rig.walk.world import World
 

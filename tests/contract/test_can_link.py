@@ -20,14 +20,14 @@ import can
 import msgspec
 import pytest
 
-from drivers.can_bus import CanInterface, CanSettings, parse_can
-from drivers.can_link import CanLink, SendResult, reception_ns
-from drivers.can_state import CanStateWatch
+from drivers.can.bus import CanInterface, CanSettings, parse_can
+from drivers.can.link import CanLink, SendResult, reception_ns
+from drivers.can.state import CanStateWatch
 from drivers.protocols import AnkleSource, DeviceError
 from messages import AnkleState, CanState, GaitPhase
 from messages.can_frames import CanEncoder, CanFrame, CanMessage, can_id
 from messages.e2e import E2eCheck
-from sim_rig.slcan_hub import SlcanHub
+from sim_rig.can.slcan_hub import SlcanHub
 from tests.can_samples import ground, stamp
 from tests.slcan_hub import served_hub
 

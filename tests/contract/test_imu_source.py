@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 import pytest
 
-from drivers.mpu6050_chips import CHIPS, MPU6050_WHO_AM_I
+from drivers.imu.chips import CHIPS, MPU6050_WHO_AM_I
 from drivers.protocols import DeviceError, ImuSource
 from messages import ImuSample
 from tests.imu_bench import ImuBench, still

@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from drivers.camera.depth import V4l2DepthCamera
+from drivers.camera.side_by_side import V4l2StereoCamera
+from drivers.camera.zed import ZedCamera
 from drivers.protocols import DeviceError, FrameSource
-from drivers.v4l2 import V4l2StereoCamera
-from drivers.v4l2_depth import V4l2DepthCamera
-from drivers.zed import ZedCamera
 from messages import DepthFrame, DropCause, Frame
 from sim_rig.camera.v4l2_node import ManualClock, Mode, V4l2Node, stepping_card
 from sim_rig.camera.zed_unit import ZedUnit

@@ -3,8 +3,8 @@
 import secrets
 from pathlib import Path
 
-from sim_rig.hidden import imu as hidden
-from sim_rig.hidden.case import Case, Kind
+from lab.hidden import imu as hidden
+from lab.hidden.case import Case, Kind
 from tests.hidden_effect.trials import explained, prevails
 
 PLAIN_RADPS2 = 3e-4

@@ -6,8 +6,8 @@ A fresh process gets the files and nothing else. With 120 and more cases `gaitey
 import secrets
 from pathlib import Path
 
-from sim_rig.hidden import platform as hidden
-from sim_rig.hidden.case import Case, Kind
+from lab.hidden import platform as hidden
+from lab.hidden.case import Case, Kind
 from tests.hidden_effect.trials import prevails
 
 

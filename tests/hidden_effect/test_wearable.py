@@ -5,7 +5,7 @@ A case is two recordings of pictures to render and to match, some 20 s: so all i
 
 from pathlib import Path
 
-from sim_rig.hidden import wearable as hidden
+from lab.hidden import wearable as hidden
 from tests.hidden_effect.trials import prevails
 
 

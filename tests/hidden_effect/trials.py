@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from discrepancy.verdict import Verdict, from_json
-from sim_rig.court.plan import look_alikes
-from sim_rig.hidden.case import Case, Kind, System, TrueCause, Truth
+from lab.court.plan import look_alikes
+from lab.hidden.case import Case, Kind, System, TrueCause, Truth
 
 KINDS = (*[Kind.SINGLE] * 4, Kind.PAIR, Kind.CLEAN, Kind.OUTSIDE, Kind.WITHHELD)
 AHEAD = 3

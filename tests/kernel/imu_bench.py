@@ -9,9 +9,9 @@ from pathlib import Path
 
 from smbus2 import SMBus
 
-from drivers.data_ready import GpiodDataReady
-from drivers.mpu6050 import Mpu6050
-from drivers.mpu6050_settings import Mpu6050Settings
+from drivers.imu.data_ready import GpiodDataReady
+from drivers.imu.mpu6050 import Mpu6050
+from drivers.imu.settings import Mpu6050Settings
 from messages import ImuSample
 from sim_rig.imu.chip_unit import ChipUnit
 from sim_rig.imu.i2c_bus import I2cWires

@@ -5,7 +5,7 @@ import threading
 import time
 from pathlib import Path
 
-from drivers.v4l2 import V4l2StereoCamera
+from drivers.camera.side_by_side import V4l2StereoCamera
 from sim_rig.camera.v4l2_node import Scene, stepping_card
 from sim_rig.kernel.loopback_camera import LoopbackCamera
 from tests.kernel.modules import load_module

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from drivers.can_bus import CanInterface, CanSettings
+from drivers.can.bus import CanInterface, CanSettings
 from tests.contract import test_can_link
 from tests.contract.test_can_link import Wire, joined
 from tests.kernel import can_links

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from drivers.data_ready import GpiodDataReady
+from drivers.imu.data_ready import GpiodDataReady
 from drivers.protocols import DeviceError
 from sim_rig.kernel.chip_server import INTERRUPT_LINE, gpio_chip_path
 from tests.kernel.imu_bench import KernelImuBench, kernel_imu

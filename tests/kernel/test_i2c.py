@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from smbus2 import SMBus, i2c_msg
 
-from drivers.mpu6050 import Mpu6050
-from drivers.mpu6050_registers import FIFO_BYTES, Register, UserControl
-from drivers.mpu6050_settings import Mpu6050Settings
+from drivers.imu.mpu6050 import Mpu6050
+from drivers.imu.registers import FIFO_BYTES, Register, UserControl
+from drivers.imu.settings import Mpu6050Settings
 from drivers.protocols import DeviceError
 from messages import UserError
 from sim_rig.kernel.chip_server import ChipServer

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from drivers.camera.side_by_side import V4l2StereoCamera
 from drivers.protocols import DeviceError
-from drivers.v4l2 import V4l2StereoCamera
 from messages import DropCause, StereoFrame
 from sim_rig.camera.v4l2_node import stepping_card
 from tests.kernel import loopback, vivid

@@ -8,7 +8,7 @@ import fcntl
 import os
 from pathlib import Path
 
-from drivers.v4l2 import V4l2StereoCamera
+from drivers.camera.side_by_side import V4l2StereoCamera
 from tests.kernel.modules import load_module, unload_module
 
 NUMBER = 30

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from calib.files import save_calibration
 from daemon.config import CameraConfig, Configuration, ImuConfig, format_configuration
 from daemon.publish_zenoh import ZenohSettings
-from drivers.can_bus import CanInterface, CanSettings
+from drivers.can.bus import CanInterface, CanSettings
 from messages import GreyImage
 from sim_rig.kernel.chip_server import INTERRUPT_LINE, gpio_chip_path
 from sim_rig.unit import draw_unit

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import Residual, Status
-from perception.attitude import AttitudeFilter, AttitudeSettings
+from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 from tests.hip_motion import Motion, hip_motion, tilt_errors_W, with_mpu6050_noise
 
 CALIBRATED = Residual(specific_force_mps2=0.0147, scale=0.0005)

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.mpu6050_settings import Mpu6050Settings
+from drivers.imu.settings import Mpu6050Settings
 from sim_rig.imu.chip_unit import ChipUnit, draw_chip_unit
 from tests.imu_bench import ImuBench, lost_by_truth
 

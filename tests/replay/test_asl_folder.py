@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.asl_folder import FRAME_LATENCY_NS, START_NS, TAIL_NS, AslFolder, _paired
 from drivers.protocols import DeviceError
+from drivers.recording.asl_folder import FRAME_LATENCY_NS, START_NS, TAIL_NS, AslFolder, _paired
 from messages import DropCause, DroppedFrame, ImuSample, Input, StereoFrame, Tick
 from tests.data_folder import shared_data
 from tests.replay.asl import FRAME_NS, T0_NS, image, imu_rows, make_folder

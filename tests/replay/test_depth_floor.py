@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
+from lab.evaluation.real_pair import FLOOR
 from messages import DepthCalibration, Lens, Residual
-from perception.ground import GroundMeter
-from sim_rig.judge.real_pair import FLOOR
+from perception.ground.meter import GroundMeter
 from tests.data_folder import shared_data
 
 

@@ -16,12 +16,12 @@ from daemon.pipeline import Pipeline
 from daemon.recorder import Recorder
 from daemon.recording_file import Recordable
 from daemon.replay import replay
+from drivers.camera.frame_pool import PixelPool
 from drivers.protocols import DeviceError
-from drivers.recording import DEPTH_IMAGE, McapRecording
-from drivers.stereo_source import PixelPool
+from drivers.recording.recording import DEPTH_IMAGE, McapRecording
 from messages import DepthFrame, DropCause, DroppedFrame, Estimate, GroundPlane, Status
 from messages.codec import encode
-from perception.foothold import FootholdSettings
+from perception.ground.foothold import FootholdSettings
 from sim_rig.depth_wearer import DepthWearer
 from sim_rig.walk.scenario import scenario
 from tests.replay.recorded import INFO, all_facts, depth_frame, frame, header, imu, record

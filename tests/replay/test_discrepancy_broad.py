@@ -7,8 +7,8 @@ import numpy as np
 
 from benchmarks.explain_broad import simulation_of, stretch, trial
 from discrepancy.explain import explain
-from sim_rig.systems.imu.broad import import_trial
-from sim_rig.systems.imu.recording import ImuRecording
+from systems.imu.broad import import_trial
+from systems.imu.recording import ImuRecording
 from tests.data_folder import shared_data
 
 ONLY = ("time_offset", "gyro_bias", "acc_scale", "lever_arm")

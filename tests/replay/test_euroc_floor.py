@@ -6,8 +6,8 @@ from pathlib import Path
 from cli.sources import open_source
 from daemon.pipeline import Pipeline
 from daemon.replay import replay
+from lab.evaluation.floor import score_floor
 from messages import Status, StereoFrame
-from sim_rig.judge.floor import score_floor
 from tests.data_folder import shared_data
 
 

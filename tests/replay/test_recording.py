@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from drivers.protocols import DeviceError
-from drivers.recording import LEFT_IMAGE, McapRecording
+from drivers.recording.recording import LEFT_IMAGE, McapRecording
 from messages import GroundTruth, Input, LastingInput, StereoFrame
 from tests.replay.recorded import INFO, all_facts, facts, frame, inputs_of, record, walk
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.recording import McapRecording
+from drivers.recording.recording import McapRecording
 from messages import StereoFrame
 from tests.zenoh_peer import free_endpoint
 

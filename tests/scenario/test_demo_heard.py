@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_rig.slcan_hub import PORT
+from sim_rig.can.slcan_hub import PORT
 from tests.zenoh_peer import free_endpoint
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -15,8 +15,8 @@ import pytest
 from daemon.publish_can import CanPublisher
 from daemon.publish_zenoh import ZenohPublisher, ZenohSettings
 from daemon.stamping import Stamper, read_boot_id
-from drivers.can_bus import CanInterface, CanSettings
-from drivers.can_link import CanLink
+from drivers.can.bus import CanInterface, CanSettings
+from drivers.can.link import CanLink
 from drivers.protocols import DeviceError
 from messages import GroundPlane, Source
 from tests.can_samples import calibration, ground, invalid_ground

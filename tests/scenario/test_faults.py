@@ -9,11 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 from cli.main import app
+from lab.faults.campaign import Campaign, Trial
+from lab.faults.catalogue import CATALOGUE
+from lab.faults.report import CampaignReport, TrialReport
+from lab.faults.text import COLUMNS, line, row, summary
 from messages import Reason
-from sim_rig.faults.campaign import Campaign, Trial
-from sim_rig.faults.catalogue import CATALOGUE
-from sim_rig.faults.report import CampaignReport, TrialReport
-from sim_rig.faults.text import COLUMNS, line, row, summary
 
 FLAGS = {"imu-nak-eio": Reason.NO_IMU, "cam-frozen": Reason.FROZEN_FRAME, "cam-both-black": Reason.LOW_TEXTURE}
 NAMES = (*FLAGS, "can-ankle-corrupted", "zenoh-port-taken", "file-configuration-broken")

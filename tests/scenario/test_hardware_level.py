@@ -11,15 +11,15 @@ from daemon.pipeline import Pipeline
 from daemon.publish_can import CanPublisher
 from daemon.service import Devices, Service
 from daemon.stamping import Stamper, read_boot_id
-from drivers.can_bus import CanInterface, CanSettings
-from drivers.can_link import CanLink
-from drivers.mpu6050 import Mpu6050
-from drivers.mpu6050_settings import Mpu6050Settings
-from drivers.v4l2 import V4l2StereoCamera
-from drivers.v4l2_device import LinuxKernel
+from drivers.camera.side_by_side import V4l2StereoCamera
+from drivers.camera.v4l2_device import LinuxKernel
+from drivers.can.bus import CanInterface, CanSettings
+from drivers.can.link import CanLink
+from drivers.imu.mpu6050 import Mpu6050
+from drivers.imu.settings import Mpu6050Settings
 from messages import Reason, Source
 from messages.can_receiver import GroundReceiver, ReceivedGround, Refusal
-from perception.foothold import FootholdSettings
+from perception.ground.foothold import FootholdSettings
 from sim_rig.camera.v4l2_node import V4l2Node
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from messages import Reason, Residual, Status, vec3
-from perception.attitude import AttitudeFilter, AttitudeSettings
+from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 from tests.attitude_reference import ReferenceAttitude
 from tests.hip_motion import GRAVITY_MPS2, Motion, hip_motion, tilt_errors_W, with_mpu6050_noise
 

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from messages import Quaternion, Vec3
 from perception import so3
-from perception.attitude_history import AttitudeAt, AttitudeHistory, OutsideHistoryError
+from perception.attitude.history import AttitudeAt, AttitudeHistory, OutsideHistoryError
 
 PERIOD_NS = 10_000_000
 RATE = (0.3, -0.2, 2.0)

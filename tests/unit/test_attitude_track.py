@@ -5,7 +5,7 @@ import numpy as np
 
 from messages import Attitude, ImuSample, Reason, Status, vec3
 from perception import so3
-from perception.attitude_track import AttitudeTrack
+from perception.attitude.track import AttitudeTrack
 from sim_rig.unit import draw_unit
 from tests.hip_motion import Motion, hip_motion, tilt_errors_W
 

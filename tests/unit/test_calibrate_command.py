@@ -8,7 +8,7 @@ import pytest
 from calib.files import load_calibration, save_calibration
 from cli.main import app
 from messages import UserError
-from sim_rig.depth_unit import draw_depth_unit
+from sim_rig.camera.depth_unit import draw_depth_unit
 from sim_rig.unit import draw_unit
 from tests.unit.test_zed_conf import conf, sections
 

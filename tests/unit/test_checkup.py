@@ -8,9 +8,9 @@ import pytest
 
 from daemon import checkup
 from daemon.checkup import Finding, Verdict
-from drivers.can_bus import CanSettings
-from drivers.mpu6050 import Mpu6050Counters
-from drivers.mpu6050_self_test import AxisTest, SelfTest
+from drivers.can.bus import CanSettings
+from drivers.imu.mpu6050 import Mpu6050Counters
+from drivers.imu.self_test import AxisTest, SelfTest
 from drivers.protocols import DeviceError
 from messages import DropCause, Frame, FrameHeader, ImuSample, StereoFrame
 

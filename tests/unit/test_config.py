@@ -6,9 +6,9 @@ import msgspec
 import pytest
 
 from daemon.config import CameraConfig, Configuration, format_configuration, load_configuration, parse_configuration
-from drivers.can_bus import CanInterface
+from drivers.can.bus import CanInterface
 from messages import UserError
-from perception.foothold import FootholdSettings
+from perception.ground.foothold import FootholdSettings
 
 
 def test_defaults_survive_writing_and_reading() -> None:

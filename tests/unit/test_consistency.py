@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from messages import Calibration, Pose, Reason, matrix3, vec3
-from perception.consistency import ConsistencyMonitor, Subject, Verdict
-from perception.ego_motion import EgoMotion
+from perception.motion.consistency import ConsistencyMonitor, Subject, Verdict
+from perception.motion.ego_motion import EgoMotion
 from sim_rig.unit import draw_unit
 from tests.seen_motion import P_BC_M, R_BC, START_NS, WALKING_NS, FeltAt, arrivals_until
 

@@ -10,17 +10,17 @@ import msgspec
 import numpy as np
 import pytest
 
+from lab.court import run as run_module
+from lab.court import score as judge
+from lab.court.plan import DEVELOPMENT_SEEDS, Slot, look_alikes, slots
+from lab.court.result import Errors, Result, Told, ToldCause, ToldQuantity
+from lab.court.run import check_same_court, executor, results, run
+from lab.court.score import score
+from lab.court.smallest import smallest_found
+from lab.court.tables import markdown, rate_rows
+from lab.court.trial import held_out_errors
+from lab.hidden.case import Case, Kind, Sizes, TrueCause, Truth
 from messages.errors import UserError
-from sim_rig.court import run as run_module
-from sim_rig.court import score as judge
-from sim_rig.court.plan import DEVELOPMENT_SEEDS, Slot, look_alikes, slots
-from sim_rig.court.result import Errors, Result, Told, ToldCause, ToldQuantity
-from sim_rig.court.run import check_same_court, executor, results, run
-from sim_rig.court.score import score
-from sim_rig.court.smallest import smallest_found
-from sim_rig.court.tables import markdown, rate_rows
-from sim_rig.court.trial import held_out_errors
-from sim_rig.hidden.case import Case, Kind, Sizes, TrueCause, Truth
 
 
 class Toy:

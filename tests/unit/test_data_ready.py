@@ -6,7 +6,7 @@ import gpiod
 import pytest
 from gpiod.line import Clock, Direction, Edge
 
-from drivers.data_ready import GpiodDataReady, parse_data_ready
+from drivers.imu.data_ready import GpiodDataReady, parse_data_ready
 from drivers.protocols import DeviceError
 
 

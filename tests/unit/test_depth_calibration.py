@@ -6,7 +6,7 @@ import pytest
 
 from calib.files import CalibrationError, check_frame_size, load_calibration, parse_calibration, save_calibration
 from messages import DepthUnitCalibration, UserError
-from sim_rig.depth_unit import draw_depth_unit
+from sim_rig.camera.depth_unit import draw_depth_unit
 
 DOCUMENT = """
 unit: bench-8

@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from messages import DepthCalibration, DepthImage, Lens, Reason, Residual
-from perception.depth_camera import DepthCamera
-from perception.foothold import FootholdSettings
-from perception.ground import GroundMeasurement, GroundMeter
-from perception.plane import Plane
-from perception.rectify import intrinsics
+from perception.depth.depth_camera import DepthCamera
+from perception.depth.rectify import intrinsics
+from perception.ground.foothold import FootholdSettings
+from perception.ground.meter import GroundMeasurement, GroundMeter
+from perception.ground.plane import Plane
 
 FloatArray = NDArray[np.float64]
 WIDTH, HEIGHT, F_PX = 320, 240, 210.0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from messages import DepthImage
 from sim_rig.camera.depth_renderer import NO_ERRORS, DepthErrors, DepthRenderer
-from sim_rig.depth_unit import DEPTH_HEIGHT_PX, DEPTH_WIDTH_PX, DepthUnit, draw_depth_unit
+from sim_rig.camera.depth_unit import DEPTH_HEIGHT_PX, DEPTH_WIDTH_PX, DepthUnit, draw_depth_unit
 from sim_rig.walk.gait import Gait
 from sim_rig.walk.scenario import scenario
 

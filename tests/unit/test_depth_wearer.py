@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from daemon.pipeline import Pipeline
+from lab.evaluation.offline import score_walk
 from messages import (
     DepthFrame,
     Frame,
@@ -18,12 +19,11 @@ from messages import (
     Tick,
     UserError,
 )
-from perception.foothold import FootholdSettings
-from perception.ground_estimator import GroundEstimator
+from perception.ground.estimator import GroundEstimator
+from perception.ground.foothold import FootholdSettings
 from sim_rig.camera.depth_renderer import DepthErrors
-from sim_rig.depth_unit import SCALE_RESIDUAL, draw_depth_unit
+from sim_rig.camera.depth_unit import SCALE_RESIDUAL, draw_depth_unit
 from sim_rig.depth_wearer import DepthWearer
-from sim_rig.judge.offline import score_walk
 from sim_rig.unit import RESIDUAL, draw_unit
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer

@@ -7,7 +7,7 @@ from cli.devices import camera_opener
 from daemon.config import CameraConfig
 from drivers.protocols import DeviceError
 from messages import UnitCalibration
-from sim_rig.depth_unit import draw_depth_unit
+from sim_rig.camera.depth_unit import draw_depth_unit
 from sim_rig.unit import draw_unit
 
 STEREO = draw_unit(1).exact_calibration()

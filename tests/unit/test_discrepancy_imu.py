@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lab.hidden.imu import EFFECTS
+from lab.hidden.imu.motion import Motion, hand_moved, swung
+from lab.hidden.imu.sensor import Unit, readings
 from messages.errors import UserError
-from sim_rig.hidden.imu import EFFECTS
-from sim_rig.hidden.imu.motion import Motion, hand_moved, swung
-from sim_rig.hidden.imu.sensor import Unit, readings
-from sim_rig.systems.imu import load
-from sim_rig.systems.imu.motion import reading_of
-from sim_rig.systems.imu.recording import IMU_FILE, REFERENCE_FILE, ImuRecording
-from sim_rig.systems.imu.simulation import ImuSimulation
+from systems.imu import load
+from systems.imu.motion import reading_of
+from systems.imu.recording import IMU_FILE, REFERENCE_FILE, ImuRecording
+from systems.imu.simulation import ImuSimulation
 
 SECONDS = 20.0
 UNITS: dict[str, tuple[Unit, dict[str, float]]] = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from discrepancy.lines import strongest_line
+from discrepancy.evidence.spectral_lines import strongest_line
 
 
 @pytest.mark.parametrize(("samples", "channels"), [(100, 16), (400, 6), (3000, 6)])

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from discrepancy.evidence.gain import gain
 from discrepancy.explain import explain
-from discrepancy.fit import Intervals
-from discrepancy.gain import gain
-from discrepancy.library import Candidate
-from discrepancy.material import deciding, immaterial, louder
 from discrepancy.problem import Problem
-from discrepancy.refits import base_of
-from discrepancy.search import Search
+from discrepancy.search.candidates import Candidate
+from discrepancy.search.fit import Intervals
+from discrepancy.search.pruning import deciding, immaterial, louder
+from discrepancy.search.refits import base_of
+from discrepancy.search.search import Search
 from tests.discrepancy_bench import EFFECTS, Path, Rig, coloured, measured
 
 _N = 3000

@@ -12,19 +12,19 @@ from hypothesis import strategies as st
 from discrepancy.explain import explain
 from impedance.body.rigid_body import Array, Inertia
 from impedance.recording.recording import PlatformRecording, Poses
+from lab.hidden.platform.drawn import CHANNELS, Hidden
+from lab.hidden.platform.instruments import followed
+from lab.hidden.platform.laboratory import mechanics_of, reference_of
+from lab.hidden.platform.laboratory import recorded as recorded_of
+from lab.hidden.platform.mechanics import ran
+from lab.hidden.platform.noise import PlateNoise
+from lab.hidden.platform.scene import SPAN_NM, Scene, stepped
 from messages.errors import UserError
-from sim_rig.hidden.platform.drawn import CHANNELS, Hidden
-from sim_rig.hidden.platform.instruments import followed
-from sim_rig.hidden.platform.laboratory import mechanics_of, reference_of
-from sim_rig.hidden.platform.laboratory import recorded as recorded_of
-from sim_rig.hidden.platform.mechanics import ran
-from sim_rig.hidden.platform.noise import PlateNoise
-from sim_rig.hidden.platform.scene import SPAN_NM, Scene, stepped
-from sim_rig.platform.memory import with_play
-from sim_rig.systems.platform import load
-from sim_rig.systems.platform.effects import amplitudes
-from sim_rig.systems.platform.sensor import lattice, rounded
-from sim_rig.systems.platform.simulation import BODY, PlatformSimulation
+from systems.platform import load
+from systems.platform.effects import amplitudes
+from systems.platform.memory import with_play
+from systems.platform.sensor import lattice, rounded
+from systems.platform.simulation import BODY, PlatformSimulation
 
 SECONDS = 7.0
 UNSEEN = 0.05 * np.repeat((0.1, 0.05, 1e-4, 1e-5), (3, 3, 6, 2))

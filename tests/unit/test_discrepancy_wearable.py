@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
+from lab.hidden.case import Case, Kind
+from lab.hidden.wearable import EFFECTS, LOOK_ALIKES, OUTSIDE, PAIRS, SIZES
+from lab.hidden.wearable.physics import hidden
+from lab.hidden.wearable.stage import write_recording
+from lab.hidden.wearable.walk import draw_nuisance, sound_stage, sound_unit
 from messages import ImuSample
 from messages.errors import UserError
-from sim_rig.hidden.case import Case, Kind
-from sim_rig.hidden.wearable import EFFECTS, LOOK_ALIKES, OUTSIDE, PAIRS, SIZES
-from sim_rig.hidden.wearable.physics import hidden
-from sim_rig.hidden.wearable.stage import write_recording
-from sim_rig.hidden.wearable.walk import draw_nuisance, sound_stage, sound_unit
-from sim_rig.systems.wearable import load, view
-from sim_rig.systems.wearable.blur import Steepness
-from sim_rig.systems.wearable.effects import library
-from sim_rig.systems.wearable.simulation import WearableSimulation
-from sim_rig.systems.wearable.tilt import Sensed
+from systems.wearable import load, view
+from systems.wearable.blur import Steepness
+from systems.wearable.effects import library
+from systems.wearable.simulation import WearableSimulation
+from systems.wearable.tilt import Sensed
 
 SEED = 41
 FRAMES = 32

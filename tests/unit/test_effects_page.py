@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from discrepancy.simulation import Effect
-from sim_rig.systems.listing import libraries, page
+from systems.listing import libraries, page
 
 PAGE = Path(__file__).parents[2] / "docs" / "effects.md"
 WANTED = {

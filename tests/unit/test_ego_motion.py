@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from messages import Reason, StereoFrame
-from perception.ego_motion import EgoMotion, VisualOdometer
-from perception.motion_watch import MotionWatch
+from perception.motion.ego_motion import EgoMotion, VisualOdometer
+from perception.motion.watch import MotionWatch
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 

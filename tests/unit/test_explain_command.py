@@ -25,7 +25,7 @@ def load(folder: Path) -> Toy:
 @pytest.fixture
 def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
     """Two folders, which the system's name now stands for as recordings of the toy."""
-    monkeypatch.setitem(sys.modules, "sim_rig.systems.platform", SimpleNamespace(load=load))
+    monkeypatch.setitem(sys.modules, "systems.platform", SimpleNamespace(load=load))
     for seed in ("1", "2"):
         (tmp_path / seed).mkdir()
     return tmp_path / "1", tmp_path / "2"

@@ -17,19 +17,19 @@ import mujoco
 from impedance.body import geometry
 from impedance.body.kinematics import Kinematics
 from impedance.body.rigid_body import Array
+from lab.thesis import hypotheses, search, signals
+from lab.thesis.causes import CAUSES, changed
+from lab.thesis.hypotheses import CELLS, PINNED, Misfit, Sizes, Study, printed_cells, tolerances
+from lab.thesis.printed import FOOT
+from lab.thesis.signals import Signals
+from lab.thesis.verdict import Effort, judged
 from messages.errors import UserError
 from sim_rig.platform.excitation import random_steps
-from sim_rig.platform.memory import last_kept, with_play
 from sim_rig.platform.model import SENSORS, model_of
 from sim_rig.platform.rig import FOOT as FOOT_BODY
 from sim_rig.platform.rig import Rig
 from sim_rig.platform.run import RunSettings, measured, simulate
-from sim_rig.thesis import hypotheses, search, signals
-from sim_rig.thesis.causes import CAUSES, changed
-from sim_rig.thesis.hypotheses import CELLS, PINNED, Misfit, Sizes, Study, printed_cells, tolerances
-from sim_rig.thesis.printed import FOOT
-from sim_rig.thesis.signals import Signals
-from sim_rig.thesis.verdict import Effort, judged
+from systems.platform.memory import last_kept, with_play
 
 SHORT_S = 4.0
 

@@ -10,11 +10,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from discrepancy import output
-from discrepancy.extended import extended_text, load_extended
-from discrepancy.output import beside_text, write
+from discrepancy.report import output
+from discrepancy.report.extended import extended_text, load_extended
+from discrepancy.report.output import beside_text, write
+from discrepancy.report.wording import number_text, quantity_text, share_text
 from discrepancy.restricted import check_names, without
-from discrepancy.shown import number_text, quantity_text, share_text
 from discrepancy.verdict import Quantity, from_json
 from messages.errors import UserError
 from tests.explained import NAMES, TRUE, explanation, toy

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from drivers.can_link import CanLink, SendResult
+from drivers.can.link import CanLink, SendResult
+from lab.faults.adapter import PtyAdapter
 from messages.can_frames import CanEncoder, CanFrame
 from messages.e2e import E2eCheck
-from sim_rig.faults.adapter import PtyAdapter
 from tests.can_samples import ground, stamp
 
 

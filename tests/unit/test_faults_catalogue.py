@@ -7,13 +7,13 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from drivers.mpu6050_registers import Register
+from drivers.imu.registers import Register
+from lab.faults.bench import Bench
+from lab.faults.catalogue import CATALOGUE, carry_out, expected_together, named, pairs
+from lab.faults.daemon_process import Order
+from lab.faults.fault import Expect, Fault, Layer, Tamper
+from lab.faults.played_camera import TRANSFER_S, Pair
 from messages import UserError
-from sim_rig.faults.bench import Bench
-from sim_rig.faults.catalogue import CATALOGUE, carry_out, expected_together, named, pairs
-from sim_rig.faults.daemon_process import Order
-from sim_rig.faults.fault import Expect, Fault, Layer, Tamper
-from sim_rig.faults.played_camera import TRANSFER_S, Pair
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 

@@ -7,12 +7,12 @@ import msgspec
 import numpy as np
 import pytest
 
+from lab.faults import judgement
+from lab.faults.fault import Expect
+from lab.faults.judgement import Errors, errors_of, flags, is_wrong_attitude, tilt_error_rad
+from lab.faults.listener import Heard, HeardAttitude, HeardOnCan
+from lab.faults.trial import Expectation, Measured, Times, failures, is_steady, measure, recovery_s
 from messages import Attitude, GroundPlane, GroundTruth, Reason, Status
-from sim_rig.faults import judgement
-from sim_rig.faults.fault import Expect
-from sim_rig.faults.judgement import Errors, errors_of, flags, is_wrong_attitude, tilt_error_rad
-from sim_rig.faults.listener import Heard, HeardAttitude, HeardOnCan
-from sim_rig.faults.trial import Expectation, Measured, Times, failures, is_steady, measure, recovery_s
 from tests.can_samples import ground as sample_ground
 
 NAN = math.nan

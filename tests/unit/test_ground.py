@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from messages import Calibration, GroundPlane, GroundTruth, Reason, Status, StereoFrame, Vec3
-from perception.disparity import OutOfRangeError
-from perception.foothold import FootholdSettings
-from perception.ground_estimator import GroundEstimator
-from perception.plane import Plane
-from perception.rectify import Rectifier, Window
-from perception.stereo import DisparityRange, SemiGlobalMatcher
-from perception.stereo_camera import view_of
+from perception.depth.disparity import OutOfRangeError
+from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
+from perception.depth.rectify import Rectifier, Window
+from perception.depth.stereo_camera import view_of
+from perception.ground.estimator import GroundEstimator
+from perception.ground.foothold import FootholdSettings
+from perception.ground.plane import Plane
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 

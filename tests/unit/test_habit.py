@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from perception.habit import Habit, HabitSettings
+from perception.attitude.habit import Habit, HabitSettings
 
 SETTINGS = HabitSettings()
 

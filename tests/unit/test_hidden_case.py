@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lab.hidden.case import Case, Kind, Sizes, TrueCause, Truth
 from messages.errors import UserError
-from sim_rig.hidden.case import Case, Kind, Sizes, TrueCause, Truth
 
 CASE = Case("platform", 5, Kind.SINGLE, ("force_delay",))
 

@@ -1,7 +1,7 @@
 import numpy as np
 
 from messages import ImuCalibration, ImuSample
-from perception.imu_model import corrected
+from perception.attitude.imu_model import corrected
 
 
 def test_calibration_is_matrix_times_measured_less_bias() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.motion_comparison import Felt, Seen, lag_of, rate_misfit, velocity_misfit
+from perception.motion.comparison import Felt, Seen, lag_of, rate_misfit, velocity_misfit
 from tests.seen_motion import FRAME_NS, P_BC_M, R_BC, START_NS, WALKING_NS, felt, gait, seen
 
 WALK = gait(5)

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from smbus2 import i2c_msg
 
-from drivers.mpu6050 import Mpu6050, Mpu6050Counters
-from drivers.mpu6050_chips import CHIPS, REFUSED
-from drivers.mpu6050_registers import Register
-from drivers.mpu6050_settings import Mpu6050Settings
+from drivers.imu.chips import CHIPS, REFUSED
+from drivers.imu.mpu6050 import Mpu6050, Mpu6050Counters
+from drivers.imu.registers import Register
+from drivers.imu.settings import Mpu6050Settings
 from drivers.protocols import DeviceError, RegisterBus
 from messages import ImuSample
 from tests.imu_bench import ADDRESS, NOISY, Floats, ImuBench, lost_by_truth, still

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.signal import freqz, group_delay
 from smbus2 import i2c_msg
 
-from drivers.mpu6050_chips import CHIPS, FilterRow
-from drivers.mpu6050_registers import (
+from drivers.imu.chips import CHIPS, FilterRow
+from drivers.imu.registers import (
     ACCEL_RANGES,
     GYRO_RANGES,
     STANDARD_GRAVITY_MPS2,

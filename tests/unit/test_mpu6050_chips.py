@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from drivers.mpu6050_chips import CHIPS, ChipModel
-from drivers.mpu6050_registers import Register
-from drivers.mpu6050_settings import Mpu6050Settings
+from drivers.imu.chips import CHIPS, ChipModel
+from drivers.imu.registers import Register
+from drivers.imu.settings import Mpu6050Settings
 from drivers.protocols import DeviceError
 from tests.imu_bench import ADDRESS, NOISY, Floats, ImuBench, lost_by_truth, swaying
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from smbus2 import i2c_msg
 
-from drivers.mpu6050_frames import refuse_without_data
-from drivers.mpu6050_registers import Register
-from drivers.mpu6050_settings import Mpu6050Settings, configure
+from drivers.imu.frames import refuse_without_data
+from drivers.imu.registers import Register
+from drivers.imu.settings import Mpu6050Settings, configure
 from drivers.protocols import DeviceError
 from messages import ImuSample
 from tests.imu_bench import ADDRESS, ImuBench, lost_by_truth

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from drivers.mpu6050_chips import CHIPS, ChipModel
-from drivers.mpu6050_self_test import AXES, TrimCodes, factory_trim_lsb, read_trim_codes
+from drivers.imu.chips import CHIPS, ChipModel
+from drivers.imu.register_access import RegisterAccess
+from drivers.imu.self_test import AXES, TrimCodes, factory_trim_lsb, read_trim_codes
 from drivers.protocols import DeviceError
-from drivers.register_access import RegisterAccess
 from sim_rig.imu.chip_unit import draw_chip_unit
 from tests.imu_bench import ADDRESS, NOISY, Floats, ImuBench, still
 

@@ -26,9 +26,9 @@ from messages import (
     Tick,
 )
 from messages.codec import encode_line
-from perception.foothold import FootholdSettings
 from perception.frame_guard import FrameGuard
-from perception.motion_watch import MotionWatch
+from perception.ground.foothold import FootholdSettings
+from perception.motion.watch import MotionWatch
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 

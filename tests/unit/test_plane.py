@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from perception.plane import PlaneFit, PlaneFitter
+from perception.ground.plane import PlaneFit, PlaneFitter
 
 FB = 42.0
 FloatArray = NDArray[np.float64]

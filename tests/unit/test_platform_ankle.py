@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from impedance.ankle.ankle import AnkleImpedance, identify, spline
-from impedance.ankle.ankle_motion import bodies_of, motion_of, smooth_derivatives
-from impedance.ankle.ankle_trial import AnkleTrial, Perturbation
+from impedance.ankle.impedance import AnkleImpedance, identify, spline
+from impedance.ankle.motion import bodies_of, motion_of, smooth_derivatives
+from impedance.ankle.trial import AnkleTrial, Perturbation
 from messages.errors import UserError
 from sim_rig.platform.ankle import AT_15_DB, AnkleNoise, AnkleRun, measured, walk
 from sim_rig.platform.ankle_person import person

@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from cli.platform import platform
-from impedance.ankle.ankle_table import load_table, save_table
-from impedance.ankle.ankle_trial import Perturbation, load_trial, save_trial
+from impedance.ankle.table import load_table, save_table
+from impedance.ankle.trial import Perturbation, load_trial, save_trial
 from messages.errors import UserError
 from sim_rig.platform.ankle import AnkleNoise, AnkleRun, measured, true_table, walk
 from sim_rig.platform.ankle_person import person

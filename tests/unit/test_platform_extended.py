@@ -13,8 +13,8 @@ from messages.errors import UserError
 
 pytest.importorskip("mujoco")
 
-from sim_rig.hidden.platform.extension import MECHANISMS
-from sim_rig.systems.platform import load
+from lab.hidden.platform.extension import MECHANISMS
+from systems.platform import load
 
 
 def told(path: Path, *entries: tuple[str, float, str]) -> Path:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from impedance.first_study.least_absolute import _factored, least_absolute
+from impedance.thesis.least_absolute import _factored, least_absolute
 
 
 def _by_linear_programming(X: np.ndarray, y: np.ndarray, up: np.ndarray, down: np.ndarray) -> float:

@@ -8,8 +8,6 @@ import pytest
 from impedance.body import geometry
 from impedance.body.kinematics import Kinematics
 from impedance.body.rigid_body import Inertia, wrench_transform
-from impedance.first_study.seed_descent import descended
-from impedance.first_study.seed_estimator import Variant, foot_residual, least_residual, mass_upright, plate_residual
 from impedance.recording.recording import (
     FootSettings,
     PlateSettings,
@@ -19,7 +17,9 @@ from impedance.recording.recording import (
     RateSettings,
     TareSettings,
 )
-from sim_rig.thesis.printed import FOOT, PLATE, body_of, rows_of
+from impedance.thesis.descent import descended
+from impedance.thesis.estimator import Variant, foot_residual, least_residual, mass_upright, plate_residual
+from lab.thesis.printed import FOOT, PLATE, body_of, rows_of
 
 RATE_HZ = 350.0
 JOINT_M = 0.12

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import freqz, savgol_filter
 
-from impedance.first_study.signals import (
+from impedance.thesis.signals import (
     DERIVATIVE_LOST,
     LOW_PASS_LOST,
     derivative_taps,

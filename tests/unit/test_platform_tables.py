@@ -10,11 +10,11 @@ import pytest
 pytest.importorskip("mujoco")
 
 from cli.main import app
+from lab.thesis.ablations import ABLATIONS, effect_of, foot_row, plate_row, printed_effects
+from lab.thesis.printed import CUBOID_SIZE_M, FOOT, PLATE, ROWS, body_of, cuboid, rows_of
+from lab.thesis.reproduced import cuboid_rows
+from lab.thesis.study import NOISE_FREE, Experiment, Laboratory, Treatment
 from sim_rig.platform import rig
-from sim_rig.thesis.ablations import ABLATIONS, effect_of, foot_row, plate_row, printed_effects
-from sim_rig.thesis.printed import CUBOID_SIZE_M, FOOT, PLATE, ROWS, body_of, cuboid, rows_of
-from sim_rig.thesis.reproduced import cuboid_rows
-from sim_rig.thesis.study import NOISE_FREE, Experiment, Laboratory, Treatment
 
 SHORT_S = 6.0
 USUAL = Experiment()

@@ -4,7 +4,7 @@ import pytest
 
 from daemon.outgoing import STALE_NS
 from daemon.publish_can import CanPublisher
-from drivers.can_link import SendResult
+from drivers.can.link import SendResult
 from messages import TOPIC_OF, GroundPlane, Health
 from messages.can_frames import CanFrame, CanMessage, can_id, decode
 from tests.can_samples import attitude, ground, health, invalid_ground, stamp

@@ -1,6 +1,6 @@
 """A real photograph of a concrete floor, against the plane fitted to its true disparity."""
 
-from sim_rig.judge.real_pair import compare_floor, load
+from lab.evaluation.real_pair import compare_floor, load
 
 
 def test_the_floor_of_a_real_pair_is_measured() -> None:

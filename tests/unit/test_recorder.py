@@ -14,8 +14,8 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from daemon.recorder import Recorder, RecordingError
 from daemon.recording_file import viewer_schema
-from drivers.recording import IMAGE_CHANNELS, McapRecording
-from drivers.stereo_source import FramePool
+from drivers.camera.frame_pool import FramePool
+from drivers.recording.recording import IMAGE_CHANNELS, McapRecording
 from messages import (
     TOPICS,
     DropCause,

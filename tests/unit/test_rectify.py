@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from messages import Lens, Pose, StereoCalibration, matrix3
-from perception.rectify import Rectifier, Window
+from perception.depth.rectify import Rectifier, Window
 
 
 def stereo_pair(row_time_s: float = 0.0) -> StereoCalibration:

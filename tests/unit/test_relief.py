@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from perception.foothold import FootholdSettings
-from perception.plane import Plane, PlaneFit
-from perception.relief import relief_cov
+from perception.ground.foothold import FootholdSettings
+from perception.ground.plane import Plane, PlaneFit
+from perception.ground.relief import relief_cov
 
 REGION = FootholdSettings()
 FIT = PlaneFit(Plane((0.0, 0.0), 0.95), np.eye(3) * 1e-4, noise_px=0.2, inlier_share=1.0)

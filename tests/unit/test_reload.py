@@ -16,10 +16,10 @@ from daemon.config import load_configuration, parse_configuration
 from daemon.pipeline import Pipeline
 from daemon.replay import replay
 from daemon.service import Service
-from drivers.recording import McapRecording
+from drivers.recording.recording import McapRecording
 from messages import Attitude, Calibration, Estimate, FrameHeader, GroundPlane, ImuSample, Reconfigured, Source, Status
 from messages.codec import encode
-from perception.foothold import FootholdSettings
+from perception.ground.foothold import FootholdSettings
 from sim_rig.unit import draw_unit
 from tests.unit.test_service import GreyCamera, QuietImu
 from tests.zenoh_peer import client, free_endpoint

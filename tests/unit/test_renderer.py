@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from messages import GreyImage, Lens, Pose
-from perception.rectify import Rectifier, Window, undistorted_rays
+from perception.depth.rectify import Rectifier, Window, undistorted_rays
 from sim_rig.camera import textures
 from sim_rig.camera.renderer import Effects, Renderer
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, draw_unit

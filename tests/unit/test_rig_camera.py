@@ -9,8 +9,8 @@ from multiprocessing import active_children
 import numpy as np
 import pytest
 
+from drivers.camera.frame_pool import GRID_NS
 from drivers.protocols import DeviceError
-from drivers.stereo_source import GRID_NS
 from messages import DropCause, StereoFrame
 from sim_rig.camera.rig_camera import RigCamera
 from sim_rig.walk.scenario import scenario

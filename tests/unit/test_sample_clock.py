@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from drivers.sample_clock import SampleClock
+from drivers.imu.sample_clock import SampleClock
 
 PERIOD_S = 0.010
 TRANSFER_NS = 250_000

@@ -4,8 +4,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from lab.evaluation.score import Scoreboard
 from messages import GroundPlane, GroundTruth, Reason, Status
-from sim_rig.judge.score import Scoreboard
 
 VALID = GroundPlane(
     t_exposure_ns=1,

@@ -13,7 +13,7 @@ import pytest
 from daemon.pipeline import Pipeline
 from daemon.service import LATE_NS, Devices, Service
 from daemon.stamping import Stamper
-from drivers.mpu6050 import Mpu6050Counters
+from drivers.imu.mpu6050 import Mpu6050Counters
 from drivers.protocols import DeviceError
 from messages import (
     Attitude,
@@ -32,7 +32,7 @@ from messages import (
     Status,
     StereoFrame,
 )
-from perception.foothold import FootholdSettings
+from perception.ground.foothold import FootholdSettings
 from sim_rig.unit import draw_unit
 
 SIZE = (720, 1280)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.plane import Plane, PlaneFit
-from perception.tracking import PlaneTracker, TrackingSettings
+from perception.ground.plane import Plane, PlaneFit
+from perception.ground.tracking import PlaneTracker, TrackingSettings
 
 FRAME_NS = 50_000_000
 LEVEL = np.eye(3)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.turn_balance import Turn, TurnBalance, TurnBalanceSettings
+from perception.motion.turn_balance import Turn, TurnBalance, TurnBalanceSettings
 
 STEP_S = 0.05
 NOISE_RADPS = 0.02

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from drivers import v4l2_abi as v4l2
-from drivers.stereo_source import FramePool
-from drivers.v4l2 import V4l2StereoCamera, split_eyes
-from drivers.v4l2_device import IoctlArgument
+from drivers.camera import v4l2_abi as v4l2
+from drivers.camera.frame_pool import FramePool
+from drivers.camera.side_by_side import V4l2StereoCamera, split_eyes
+from drivers.camera.v4l2_device import IoctlArgument
 from messages import DropCause
 from sim_rig.camera.v4l2_node import ZED_MODES, Fault, ManualClock, V4l2Node, stepping_card
 from tests.v4l2_bench import HEIGHT, MODE, SCENE, T0_NS, WIDTH, answering, camera, fail, node, read, sequences

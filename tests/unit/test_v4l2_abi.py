@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from drivers import uvc_abi as uvc
-from drivers import v4l2_abi as v4l2
+from drivers.camera import uvc_abi as uvc
+from drivers.camera import v4l2_abi as v4l2
+from drivers.camera.side_by_side import V4l2StereoCamera
+from drivers.camera.v4l2_device import LinuxKernel
 from drivers.protocols import DeviceError
-from drivers.v4l2 import V4l2StereoCamera
-from drivers.v4l2_device import LinuxKernel
 from tests.v4l2_bench import (
     HEIGHT,
     WIDTH,

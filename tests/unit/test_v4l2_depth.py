@@ -8,11 +8,11 @@ import pytest
 from calib.files import save_calibration
 from cli.devices import camera_opener
 from daemon.config import CameraConfig
+from drivers.camera.depth import V4l2DepthCamera
 from drivers.protocols import DeviceError
-from drivers.v4l2_depth import V4l2DepthCamera
 from messages import DepthFrame, DropCause
+from sim_rig.camera.depth_unit import draw_depth_unit
 from sim_rig.camera.v4l2_node import Fault, ManualClock, Mode, V4l2Node
-from sim_rig.depth_unit import draw_depth_unit
 from tests.v4l2_bench import HEIGHT, WIDTH, stepping_depth
 
 SCENE = stepping_depth(WIDTH, HEIGHT)

@@ -8,10 +8,10 @@ import select
 import numpy as np
 import pytest
 
-from drivers import v4l2_abi as v4l2
+from drivers.camera import v4l2_abi as v4l2
+from drivers.camera.side_by_side import V4l2StereoCamera
+from drivers.camera.v4l2_device import IoctlArgument, Kernel
 from drivers.protocols import DeviceError
-from drivers.v4l2 import V4l2StereoCamera
-from drivers.v4l2_device import IoctlArgument, Kernel
 from sim_rig.camera.v4l2_node import Fault, ManualClock, Mode, V4l2Node
 from tests.v4l2_bench import HEIGHT, MODE, SCENE, WIDTH, answering, camera, fail, node, read, sequences
 

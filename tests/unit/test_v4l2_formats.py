@@ -6,10 +6,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from drivers import v4l2_abi as v4l2
-from drivers.v4l2 import V4l2StereoCamera
-from drivers.v4l2_device import IoctlArgument
-from drivers.v4l2_formats import GREY_FORMATS, Choice, Listed, Offer, Rates, WantedFormat
+from drivers.camera import v4l2_abi as v4l2
+from drivers.camera.side_by_side import V4l2StereoCamera
+from drivers.camera.v4l2_device import IoctlArgument
+from drivers.camera.v4l2_formats import GREY_FORMATS, Choice, Listed, Offer, Rates, WantedFormat
 from sim_rig.camera.v4l2_node import ZED_MODES, Mode, stepping_card
 from tests.v4l2_bench import HEIGHT, MODE, SCENE, WIDTH, answering, camera, fail, node, read, sequences
 

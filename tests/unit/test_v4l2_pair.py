@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from drivers.camera.pair import V4l2CameraPair
 from drivers.protocols import DeviceError
-from drivers.v4l2_pair import V4l2CameraPair
 from messages import DropCause, StereoFrame
 from sim_rig.camera.v4l2_node import Fault, Mode
 from tests.v4l2_pair_bench import HEIGHT, LEFT, RIGHT, T0_NS, WIDTH, Cameras, cameras, eye_scene, jitter_s

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from messages import Frame, GroundTruth, ImuSample, Residual, StereoFrame, Tick
-from perception.rectify import Rectifier
+from perception.depth.rectify import Rectifier
 from sim_rig.unit import RESIDUAL
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer

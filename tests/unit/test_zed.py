@@ -7,9 +7,9 @@ import os
 
 import pytest
 
-from drivers import uvc_abi as uvc
+from drivers.camera import uvc_abi as uvc
+from drivers.camera.zed import ZedCamera, raw_gain
 from drivers.protocols import DeviceError
-from drivers.zed import ZedCamera, raw_gain
 from messages import StereoFrame
 from sim_rig.camera.v4l2_node import V4l2Node
 from sim_rig.camera.zed_unit import USB2_BYTES, ZedUnit

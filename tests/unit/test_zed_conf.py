@@ -14,7 +14,7 @@ from calib.files import CalibrationError, load_calibration, parse_calibration, s
 from calib.nominal import NOMINAL_RESIDUAL, uncalibrated_unit
 from calib.zed_conf import ZED_MODES, load_zed_conf, with_factory_pair
 from messages import StereoCalibration
-from perception.rectify import Rectifier
+from perception.depth.rectify import Rectifier
 from tests.data_folder import shared_data
 
 FloatArray = NDArray[np.float64]

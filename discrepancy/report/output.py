@@ -1,0 +1,55 @@
+"""Writes an explanation: verdict.json, held_out.csv, extended.toml and, for a person, report.html."""
+
+import io
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from discrepancy.explanation import Explanation
+from discrepancy.report.extended import extended_text
+from discrepancy.simulation import Channels, FloatArray
+from discrepancy.verdict import to_json
+from messages.errors import UserError
+
+VERDICT, HELD_OUT, EXTENDED, REPORT = "verdict.json", "held_out.csv", "extended.toml", "report.html"
+
+
+def check_report() -> None:
+    """Raise UserError, with what to install, if the report cannot be drawn."""
+    if find_spec("matplotlib") is None:
+        raise UserError(f"{REPORT} needs matplotlib: pip install 'gaiteyes[lab]', or leave it out with --no-report")
+
+
+def write(explanation: Explanation, folder: Path, *, report: bool = True) -> None:
+    """Write all files into `folder`, which is made; raises UserError where it cannot."""
+    view = explanation.held_out
+    files = {
+        VERDICT: to_json(explanation.verdict).decode(),
+        HELD_OUT: beside_text(view.channels, view.base, view.extended),
+        EXTENDED: extended_text(explanation),
+    }
+    if report:
+        check_report()
+        from discrepancy.report.page import page
+
+        files[REPORT] = page(explanation)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in files.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"--out {folder}: {error.strerror}") from error
+
+
+def beside_text(channels: Channels, base: FloatArray, extended: FloatArray) -> str:
+    """Return the CSV of t_s and, per channel, what was measured and what base and extended model predict, (n, c).
+
+    An empty cell is a number that is missing.
+    """
+    columns = ["t_s", *(f"{kind}_{name}" for name in channels.names for kind in ("measured", "base", "extended"))]
+    sides = np.stack((channels.values, base, extended), axis=2)  # (n, c, 3)
+    rows = np.column_stack((channels.t_s, sides.reshape(len(channels.t_s), -1)))
+    text = io.StringIO()
+    np.savetxt(text, rows, fmt="%.10g", delimiter=",")
+    return ",".join(columns) + "\n" + text.getvalue().replace("nan", "")

@@ -1,0 +1,126 @@
+"""All candidates at the base fit as columns: how the prediction changes by one scale of every parameter.
+
+A candidate is an effect with one choice of its parameters, judged at its neutral values or at one of its starts. From
+there on the search is linear algebra on the whitened columns' products.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from discrepancy.evidence.whitening import Whitening, whitening
+from discrepancy.problem import Problem
+from discrepancy.simulation import Effect, FloatArray
+
+_RIDGE = 1e-9
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect with a choice of its parameters; `keys` as in `Values`.
+
+    `start` holds the values it is judged at, if not neutral. `columns` are the rows of its parameters in the library,
+    `offset` the row of the difference that `start` makes, None at neutral.
+    """
+
+    effect: str
+    choice: tuple[str, ...]
+    keys: tuple[str, ...]
+    start: dict[str, float]
+    columns: tuple[int, ...]
+    offset: int | None
+
+
+@dataclass(frozen=True)
+class Library:
+    """Raw columns (m, c, n): the base model's parameters first, `base` of them, then those of the candidates."""
+
+    columns: FloatArray
+    base: int
+    candidates: tuple[Candidate, ...]
+
+    def whitened(self, white: Whitening) -> FloatArray:
+        """Return all columns whitened, (m, c · n)."""
+        return np.stack([white(column).reshape(-1) for column in self.columns])
+
+
+def choices_of(effect: Effect) -> tuple[tuple[str, ...], ...]:
+    """Return the sets of an effect's parameters that are tried."""
+    return effect.choices or (tuple(p.name for p in effect.parameters),)
+
+
+def library(problem: Problem, values: dict[str, float], base_columns: FloatArray, names: tuple[str, ...]) -> Library:
+    """Return the columns of the base model, given at `values`, and of the effects of these `names`.
+
+    Samples that a column cannot give are taken out of the problem.
+    """
+    before = problem.predicted(values)
+    columns: list[FloatArray] = list(base_columns)
+    candidates: list[Candidate] = []
+    for name in names:
+        effect = problem.effects[name]
+        known: dict[tuple[tuple[str, float], ...], tuple[int | None, dict[str, int], FloatArray]] = {}
+        for choice, begun in _beginnings(effect):
+            mark = tuple(sorted(begun.items()))
+            if mark not in known:
+                known[mark] = (None, {}, before)
+                if begun:
+                    there = problem.predicted({**values, **begun})
+                    problem.narrow(np.isfinite(there))
+                    known[mark] = (len(columns), {}, there)
+                    columns.append(problem.filled(_finite(there - before)))
+            offset, rows, here = known[mark]
+            at = {**values, **begun}
+            for key in (effect.qualified(p) for p in choice):
+                if key not in rows:
+                    rows[key] = len(columns)
+                    columns.append(problem.column(at, here, key)[0])
+            keys = tuple(effect.qualified(p) for p in choice)
+            candidates.append(Candidate(name, choice, keys, begun, tuple(rows[key] for key in keys), offset))
+    return Library(np.array(columns).reshape(len(columns), problem.c, problem.n), len(base_columns), tuple(candidates))
+
+
+def _beginnings(effect: Effect) -> list[tuple[tuple[str, ...], dict[str, float]]]:
+    """Return every choice of an effect with the values it begins at, by key; of a start only what is in the choice
+    counts.
+    """
+    found: list[tuple[tuple[str, ...], dict[str, float]]] = []
+    for start in effect.starts or ({},):
+        for choice in choices_of(effect):
+            begun = {effect.qualified(p): float(start[p]) for p in choice if p in start}
+            open_ = [p.name for p in effect.parameters if p.name in choice and not np.isfinite(p.neutral)]
+            begins = bool(begun) or not start
+            if begins and all(effect.qualified(p) in begun for p in open_) and (choice, begun) not in found:
+                found.append((choice, begun))
+    return found
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(values), values, 0.0)
+
+
+def noise_beneath(problem: Problem, residual: FloatArray, columns: FloatArray, rounds: int = 2) -> Whitening:
+    """Return the whitening by what no column (m, c, n) explains of `residual` (c, n).
+
+    A filter estimated from the residual itself would take a missing effect for colour and swallow it; what is left
+    beside the whole library is noise, if the effect is in the library and small enough to be linear.
+    """
+    power = np.sum(residual**2 * problem.valid, axis=1) / np.maximum(problem.valid.sum(axis=1), 1)
+    plain = problem.valid / np.sqrt(np.where(power > 0.0, power, 1.0))[:, None]
+    white: Whitening | None = None
+    left = residual
+    for _ in range(rounds if len(columns) else 0):
+        stack = np.stack([(column * plain if white is None else white(column)).reshape(-1) for column in columns])
+        e = (residual * plain if white is None else white(residual)).reshape(-1)
+        left = residual - np.tensordot(ridge(stack @ stack.T, stack @ e), columns, axes=1)
+        white = whitening(left, problem.valid)
+    return white or whitening(left, problem.valid)
+
+
+def ridge(gram: FloatArray, score: FloatArray) -> FloatArray:
+    """Return the least-squares weights for products (m, m) and score (m,), columns that say the same sharing."""
+    size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+    scaled = gram / np.outer(size, size)
+    scaled[np.diag_indices(len(size))] += _RIDGE
+    weights: FloatArray = np.linalg.solve(scaled, score / size) / size
+    return weights

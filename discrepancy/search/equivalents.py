@@ -1,0 +1,33 @@
+"""Which causes the data cannot tell apart."""
+
+from discrepancy.search.candidates import Candidate
+from discrepancy.search.fit import Fit
+from discrepancy.search.search import Search
+from discrepancy.verdict import MOST_EQUIVALENTS
+
+SAME_CHI2 = 10.0
+_TRIED = 6
+_MORE_PARAMETERS = 1
+
+
+def equivalents(
+    search: Search, best: Fit, causes: tuple[Candidate, ...]
+) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+    """Return for each cause the effects that fit as well in its place, best first, with the rise of χ² that each makes,
+    and the rise of the best one that does not.
+
+    A rival is the same if the refitted set is within 10 in χ² and needs at most one parameter more. Where no rival
+    came near enough to be refitted its χ² is missing.
+    """
+    best = search.rated(best)
+    same: dict[str, list[tuple[float, str]]] = {each.effect: [] for each in causes}
+    other: dict[str, float] = {}
+    for place, candidate, fit in search.rivals(best, causes, _TRIED):
+        name = causes[place].effect
+        worse = fit.chi2 - best.chi2
+        if worse < SAME_CHI2 and len(fit.keys) <= len(best.keys) + _MORE_PARAMETERS:
+            same[name].append((worse, candidate.effect))
+        else:
+            other[name] = min(other.get(name, worse), worse)
+    as_good = {name: {each: worse for worse, each in sorted(found)[:MOST_EQUIVALENTS]} for name, found in same.items()}
+    return as_good, other

@@ -1,0 +1,220 @@
+"""Fits of base model and effects: Levenberg-Marquardt within bounds, and intervals of what was fitted.
+
+The residual is whitened, so that χ² = ‖e‖². The base model's parameters move along in every fit: their columns are
+taken once and kept as long as the fit converges fast (they hardly change with a small effect), those of the effects
+are taken anew at each step.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from discrepancy.evidence.whitening import Whitening
+from discrepancy.problem import Problem
+from discrepancy.simulation import FloatArray
+
+INTERVAL_95 = 1.96
+MOST_STEPS = 20
+_SLOW = 0.1
+"""Of the last step's promise: where a step promises more than that, the kept columns hold the fit back."""
+_GAIN_ENOUGH = 0.05
+_DAMPING = 1e-6
+_MOST_DAMPING = 1e3
+_FAITHFUL = 0.5
+"""Of the fall in χ² that the columns promise: where less comes, they are stale or the step is too long."""
+_BLOCKS = 32
+_NUMERICAL = 0.1
+"""Of a parameter's scale: what a simulation's own numerics may be off by, and no interval claims to exclude."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fit: `values` as `Simulation.predicted` takes them, the raw `residual` (c, n), and χ² under the whitening it
+    was made with. `keys` are the effects' parameters that moved along with the base model's.
+    """
+
+    values: dict[str, float]
+    residual: FloatArray
+    chi2: float
+    keys: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Covariance (p, p) of `keys`, in units of their scales, and their 95 % intervals (p, 2) in their own units."""
+
+    keys: tuple[str, ...]
+    covariance: FloatArray
+    bounds: FloatArray
+
+    def of(self, key: str) -> tuple[float, float]:
+        """Return the interval of one parameter."""
+        low, high = self.bounds[self.keys.index(key)]
+        return float(low), float(high)
+
+
+class Fitter:
+    """Fits under one whitening. `base_columns` (q, c, n) are raw columns of the base model's parameters."""
+
+    def __init__(self, problem: Problem, white: Whitening, base_columns: FloatArray) -> None:
+        self._problem, self.white = problem, white
+        self._base = [white(column).reshape(-1) for column in base_columns]
+
+    def fit(self, values: dict[str, float], keys: Sequence[str], steps: int = MOST_STEPS) -> Fit:
+        """Return the fit of base model and `keys`, begun at `values`."""
+        problem, white = self._problem, self.white
+        begun = problem.shifted(values, keys, np.zeros(len(keys)))
+        predicted = problem.predicted(begun)
+        residual = problem.difference(predicted)
+        e = white(residual).reshape(-1)
+        found = Fit(begun, residual, float(e @ e), tuple(keys))
+        damping, base, refreshed, expected = _DAMPING, self._base, found, np.inf
+        moving = (*problem.base, *keys)
+        for _ in range(steps):
+            J = np.array([*base, *self._whitened(found.values, predicted, keys)])
+            if not len(J):
+                return found
+            gram, score = J @ J.T, J @ e
+            share = 0.0
+            while share <= 0.0:
+                delta = self._step(found.values, moving, gram, score, damping)
+                promised = float(2.0 * delta @ score - delta @ gram @ delta)
+                if promised < _GAIN_ENOUGH or damping > _MOST_DAMPING:
+                    break
+                values = problem.shifted(found.values, moving, delta)
+                tried = problem.predicted(values)
+                residual = problem.difference(tried)
+                left = white(residual).reshape(-1)
+                chi2 = float(left @ left)
+                share = (found.chi2 - chi2) / promised
+                if share > 0.0:
+                    found, e, predicted = Fit(values, residual, chi2, tuple(keys)), left, tried
+                damping = max(damping * 0.1, _DAMPING) if share > _FAITHFUL else max(damping, 1e-4) * 10.0
+            stale = refreshed is not found and bool(problem.base) and bool(keys)
+            slow = share < _FAITHFUL or promised > _SLOW * expected
+            expected = promised
+            if stale and slow and promised >= _GAIN_ENOUGH:
+                base, refreshed = self._whitened(found.values, predicted, problem.base), found
+            elif share <= 0.0 or share * promised < _GAIN_ENOUGH:
+                return found
+        return found
+
+    def _whitened(self, values: dict[str, float], predicted: FloatArray, keys: Sequence[str]) -> list[FloatArray]:
+        columns = (self._problem.column(values, predicted, key)[0] for key in keys)
+        return [self.white(column).reshape(-1) for column in columns]
+
+    def _step(
+        self, values: dict[str, float], keys: Sequence[str], gram: FloatArray, score: FloatArray, damping: float
+    ) -> FloatArray:
+        """Return the damped step within the bounds: what would leave them stays on them, the rest is solved again."""
+        problem = self._problem
+        p = [problem.parameters[key] for key in keys]
+        at = np.array([values.get(key, each.neutral) for key, each in zip(keys, p, strict=True)])
+        scale = np.array([each.scale for each in p])
+        low = (np.array([each.low for each in p]) - at) / scale
+        high = (np.array([each.high for each in p]) - at) / scale
+        size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+        scaled = gram / np.outer(size, size)
+        scaled[np.diag_indices(len(size))] += damping + 1e-10
+        delta = np.zeros(len(keys))
+        free = np.ones(len(keys), bool)
+        for _ in range(len(keys)):
+            if not free.any():
+                break
+            rhs = score - gram[:, ~free] @ delta[~free]
+            solved = np.linalg.solve(scaled[np.ix_(free, free)], rhs[free] / size[free]) / size[free]
+            inside = np.clip(solved, low[free], high[free])
+            delta[free] = inside
+            out = inside != solved
+            if not out.any():
+                break
+            free[np.flatnonzero(free)[out]] = False
+        return delta
+
+
+def base_fit(problem: Problem, white: Whitening, values: dict[str, float], columns: FloatArray) -> Fit:
+    """Return the base model's fit with the columns given."""
+    return Fitter(problem, white, columns).fit(values, ())
+
+
+def columns_of(problem: Problem, values: dict[str, float], keys: Sequence[str]) -> FloatArray:
+    """Return the columns (p, c, n) of `keys` at `values`."""
+    before = problem.predicted(values)
+    columns = [problem.column(values, before, key)[0] for key in keys]
+    return np.array(columns).reshape(len(columns), problem.c, problem.n)
+
+
+def intervals(problem: Problem, white: Whitening, found: Fit, columns: FloatArray) -> Intervals:
+    """Return the 95 % intervals of base model and effects, whose `columns` (p, c, n) are taken at the fit.
+
+    The covariance is the inverse Fisher matrix F⁻¹ or, where stretches of the recording disagree by more than it
+    allows, the sandwich F⁻¹ M F⁻¹ with M = Σ s sᵀ of the stretches' scores. Each interval of an effect's parameter is
+    then checked on the profile of χ² at both its ends: all others follow along the ridge and by one linear step, and
+    where χ² has not risen as far as it must, the end is moved out. What the formula itself may be off by is added. No
+    interval reaches beyond a parameter's bounds.
+    """
+    keys = (*problem.base, *found.keys)
+    if not keys:
+        return Intervals((), np.zeros((0, 0)), np.zeros((0, 2)))
+    J = np.stack([white(column).reshape(-1) for column in columns])
+    e = white(found.residual).reshape(-1)
+    gram = J @ J.T
+    size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+    scaled = gram / np.outer(size, size)
+    scaled[np.diag_indices(len(size))] += 1e-10
+    fisher = np.linalg.inv(scaled) / np.outer(size, size)
+    edges = np.linspace(0, problem.n, _BLOCKS + 1).astype(int)
+    shaped, left = J.reshape(len(keys), problem.c, problem.n), e.reshape(problem.c, problem.n)
+    scores = np.stack(
+        [np.einsum("pcn,cn->p", shaped[:, :, a:b], left[:, a:b], optimize=True) for a, b in pairwise(edges)]
+    )
+    sandwich = fisher @ (scores.T @ scores) @ fisher * (_BLOCKS / (_BLOCKS - 1.0))
+    grown = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(fisher), 1.0))
+    covariance = fisher * np.outer(grown, grown)
+    scale = np.array([problem.parameters[key].scale for key in keys])
+    at = np.array([found.values[key] for key in keys])
+    inexact = np.array([problem.parameters[key].inexact for key in keys]) * np.abs(at)
+    half = np.hypot(np.hypot(INTERVAL_95 * np.sqrt(np.diag(covariance)), _NUMERICAL) * scale, inexact)
+    bounds = np.column_stack((at - half, at + half))
+    for row in range(len(problem.base), len(keys)):
+        for side in (0, 1):
+            out = _profile(problem, white, found, keys, fisher, J, row, (-1.0, 1.0)[side], float(grown[row]))
+            bounds[row, side] = at[row] + out * (bounds[row, side] - at[row])
+    allowed = np.array([problem.key_bounds(key) for key in keys])
+    return Intervals(keys, covariance, np.clip(bounds, allowed[:, :1], allowed[:, 1:]))
+
+
+def _profile(
+    problem: Problem,
+    white: Whitening,
+    found: Fit,
+    keys: Sequence[str],
+    fisher: FloatArray,
+    J: FloatArray,
+    row: int,
+    sign: float,
+    grown: float,
+) -> float:
+    """Return by what an interval's end must be multiplied so that χ² rises by 1.96² there (times what it was grown
+    by).
+    """
+    wanted = INTERVAL_95 * float(np.sqrt(fisher[row, row])) * grown
+    along = sign * wanted * fisher[:, row] / fisher[row, row]
+    moved = problem.shifted(found.values, keys, along)
+    p = problem.parameters[keys[row]]
+    taken = abs(moved[keys[row]] - found.values[keys[row]]) / p.scale
+    if taken < 0.5 * wanted:
+        return 1.0
+    e = white(problem.residual(moved)).reshape(-1)
+    others = np.delete(np.arange(len(keys)), row)
+    chi2 = float(e @ e)
+    if len(others):
+        score, gram = J[others] @ e, J[others] @ J[others].T
+        size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+        scaled = gram / np.outer(size, size)
+        scaled[np.diag_indices(len(size))] += 1e-10
+        chi2 -= float((score / size) @ np.linalg.solve(scaled, score / size))
+    rise = (chi2 - found.chi2) / (INTERVAL_95 * grown * taken / wanted) ** 2
+    return float(np.clip(1.0 / np.sqrt(max(rise, 1e-3)), 1.0, 3.0))

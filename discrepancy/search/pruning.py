@@ -1,0 +1,117 @@
+"""Which of the causes found stand on something: larger than their scale, in their bounds, and true elsewhere too."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import isfinite
+
+import numpy as np
+
+from discrepancy.evidence.adequacy import LEVEL
+from discrepancy.evidence.whitening import whitening
+from discrepancy.problem import Problem
+from discrepancy.search.candidates import Candidate
+from discrepancy.search.fit import Fit, Intervals, columns_of, intervals
+from discrepancy.search.search import Found, Search
+
+_CHANCE = 3.84
+"""χ² that a parameter without meaning gains in one of twenty recordings."""
+
+
+def kept(
+    problem: Problem, other: Problem, search: Search, found: Found
+) -> tuple[Fit, tuple[Candidate, ...], Intervals]:
+    """Return what is left of the found causes, their fit and its intervals, when those are gone that stand on nothing.
+
+    `other` is the recording held out: of several causes each must lower χ² there too, all parameters frozen. The
+    weakest goes first.
+    """
+    best, causes = found.best, found.causes
+    while causes:
+        interval = intervals_of(problem, best)
+        gone = immaterial(problem, best, interval, causes) or _elsewhere_false(other, search, best, causes)
+        if not gone:
+            return best, causes, interval
+        cause = next(each for each in causes if each.effect == gone[-1])
+        causes = tuple(each for each in causes if each.effect != cause.effect)
+        best = search.without(best, cause) if causes else found.base
+    return best, causes, intervals_of(problem, best)
+
+
+def intervals_of(problem: Problem, fit: Fit) -> Intervals:
+    """Return the intervals of a fit, under the noise that its own residual tells."""
+    white = whitening(fit.residual, problem.valid)
+    rated = replace(fit, chi2=float(np.sum(white(fit.residual) ** 2)))
+    return intervals(problem, white, rated, columns_of(problem, fit.values, (*problem.base, *fit.keys)))
+
+
+def immaterial(problem: Problem, fit: Fit, found: Intervals, causes: Sequence[Candidate]) -> list[str]:
+    """Return the causes none of whose deciding parameters is surely further from neutral than its `scale`, and those
+    with a deciding parameter on a bound, beyond which the truth may lie.
+
+    A parameter decides that changes the prediction while all others of the effect are neutral: a damping or an onset
+    says nothing of an effect's being there. One with an infinite neutral value is judged by χ² alone.
+    """
+    out = []
+    for name in dict.fromkeys(each.effect for each in causes):
+        sure = bounded = False
+        for key in deciding(problem, fit, name):
+            p, value = problem.parameters[key], fit.values[key]
+            low, high = found.of(key)
+            sure = sure or not isfinite(p.neutral) or low > p.neutral + p.scale or high < p.neutral - p.scale
+            bounded = bounded or (value in (p.low, p.high) and value != p.neutral)
+        if bounded or not sure:
+            out.append(name)
+    return out
+
+
+def deciding(problem: Problem, fit: Fit, name: str) -> list[str]:
+    """Return the fitted parameters of an effect that tell whether it is there."""
+    own = [key for key in fit.keys if key.split(".")[0] == name]
+    if len(own) == 1:
+        return own
+    others = {key: value for key, value in fit.values.items() if key.split(".")[0] != name}
+    without = problem.predicted(others)
+    return [
+        key
+        for key in own
+        if not isfinite(problem.parameters[key].neutral)
+        or not np.array_equal(problem.predicted({**others, key: fit.values[key]}), without, equal_nan=True)
+    ]
+
+
+def _elsewhere_false(other: Problem, search: Search, best: Fit, causes: tuple[Candidate, ...]) -> list[str]:
+    """Return those of several causes, the most useless last, that do not pay on the recording held out.
+
+    Each is held against the fit without it, both frozen, both under the noise that their own residuals tell: the noise
+    of either would favour it. But what is louder without it than the declared noise is none: a filter would take a
+    constant error for slow noise.
+    """
+    named = {each.effect: each for each in causes}
+    if len(named) < 2:
+        return []
+    told = _minus_2_log_likelihood(other, best)
+    useless: list[tuple[float, str]] = []
+    for name, cause in named.items():
+        without = search.without(best, cause)
+        rise = _minus_2_log_likelihood(other, without) - told
+        if rise < _CHANCE * (len(best.keys) - len(without.keys)) and not louder(other, without, best):
+            useless.append((rise, name))
+    return [name for _, name in sorted(useless, reverse=True)]
+
+
+def louder(other: Problem, without: Fit, best: Fit) -> bool:
+    """Return whether some channel is above the declared noise `without` a cause, and above what is left with it."""
+    declared = other.channels.noise_std
+    if declared is None:
+        return False
+    rms, with_it = (
+        np.sqrt((other.residual(fit.values) ** 2 * other.valid).sum(axis=1) / np.maximum(other.valid.sum(axis=1), 1))
+        for fit in (without, best)
+    )
+    return bool(np.any(rms > LEVEL * np.maximum(declared, with_it)))
+
+
+def _minus_2_log_likelihood(other: Problem, fit: Fit) -> float:
+    residual = other.residual(fit.values)
+    white = whitening(residual, other.valid)
+    return white.log_det + float(np.sum(white(residual) ** 2))

@@ -1,0 +1,146 @@
+"""Fits and linear scores of candidates beside what is in already, under one whitening that may be made anew."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from discrepancy.evidence.whitening import Whitening, whitening
+from discrepancy.problem import Problem
+from discrepancy.search.candidates import Candidate, library, noise_beneath
+from discrepancy.search.fit import MOST_STEPS, Fit, Fitter, base_fit, columns_of
+from discrepancy.search.scores import PENALTY, Products, drops, products
+from discrepancy.simulation import FloatArray
+
+_BASE_ROUNDS = 2
+_OTHER_COLOUR = 0.01
+
+
+def base_of(problem: Problem) -> tuple[Fit, FloatArray]:
+    """Return the base model's fit, whitened by its own residual, and its columns (q, c, n) there."""
+    values = problem.start()
+    residual = problem.residual(values)
+    columns = np.zeros((0, problem.c, problem.n))
+    white = whitening(residual, problem.valid)
+    found = Fit(values, residual, 0.0, ())
+    for _ in range(_BASE_ROUNDS if problem.base else 0):
+        columns = columns_of(problem, found.values, problem.base)
+        found = base_fit(problem, white, found.values, columns)
+        white = whitening(found.residual, problem.valid)
+    return found, columns
+
+
+class Refits:
+    """What a search shares between its steps: the library's columns at the base fit, whitened, and fits beside them."""
+
+    white: Whitening
+
+    def __init__(self, problem: Problem, names: Sequence[str]) -> None:
+        self._problem = problem
+        base, columns = base_of(problem)
+        self._library = library(problem, base.values, columns, tuple(names))
+        base = replace(base, residual=problem.residual(base.values))
+        self._use(noise_beneath(problem, base.residual, self._library.columns))
+        self._base = self._fitter.fit(base.values, (), steps=3) if problem.base else self._rated(base)
+
+    @property
+    def base_columns(self) -> FloatArray:
+        """Return the base model's columns (q, c, n)."""
+        return self._library.columns[: self._q]
+
+    def _joined(self, fit: Fit, candidate: Candidate, steps: int = MOST_STEPS) -> Fit:
+        keys = tuple(dict.fromkeys((*fit.keys, *candidate.keys)))
+        return self._fitter.fit({**fit.values, **candidate.start}, keys, steps)
+
+    def _without(self, best: Fit, cause: Candidate) -> Fit:
+        keys = tuple(key for key in best.keys if key.split(".")[0] != cause.effect)
+        values = {key: value for key, value in best.values.items() if key.split(".")[0] != cause.effect}
+        return self._fitter.fit(values, keys)
+
+    def _rated(self, fit: Fit) -> Fit:
+        return replace(fit, chi2=float(np.sum(self.white(fit.residual) ** 2)))
+
+    def _price(self, keys: Sequence[str]) -> float:
+        return PENALTY * len(keys)
+
+    def _ranked(self, fit: Fit, candidates: Sequence[Candidate]) -> list[tuple[Candidate, float]]:
+        """Return candidates with their linear drop beside a fit, the best penalised first."""
+        if not candidates:
+            return []
+        found = self._products(fit, fit.keys)
+        drop = drops(self._problem, found, [(each,) for each in candidates], self._q, fit.values)
+        worth = drop - np.array([self._price(each.keys) for each in candidates])
+        return [(candidates[k], float(drop[k])) for k in np.argsort(-worth)]
+
+    def _wider(self, causes: tuple[Candidate, ...]) -> list[Candidate]:
+        """Return what further choices of the causes' effects would add to them."""
+        out = []
+        for effect in dict.fromkeys(each.effect for each in causes):
+            held = {key for each in causes if each.effect == effect for key in each.keys}
+            allowed = [set(c.keys) for c in self._library.candidates if c.effect == effect]
+            for c in self._library.candidates:
+                new = [key for key in c.keys if key not in held]
+                if c.effect == effect and new and any(held | set(new) <= each for each in allowed):
+                    rows = tuple(row for key, row in zip(c.keys, c.columns, strict=True) if key in new)
+                    start = {key: value for key, value in c.start.items() if key in new}
+                    choice = tuple(p for p, key in zip(c.choice, c.keys, strict=True) if key in new)
+                    out.append(Candidate(effect, choice, tuple(new), start, rows, c.offset if start else None))
+        return out
+
+    def _begun_beside(self, fit: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
+        """Return those of the started candidates that begin best beside a fit, one for each set of parameters.
+
+        The difference that a start makes at the base model, with the effect's other parameters at starts too, says
+        nothing of the one that it makes where these are fitted already.
+        """
+        begun: dict[tuple[str, ...], tuple[float, Candidate]] = {}
+        for each in candidates:
+            chi2 = float(np.sum(self.white(self._problem.residual({**fit.values, **each.start})) ** 2))
+            if each.keys not in begun or chi2 < begun[each.keys][0]:
+                begun[each.keys] = (chi2, each)
+        return [each for _, each in begun.values()]
+
+    def _matters(self, fit: Fit, cause: Candidate) -> bool:
+        """Return whether a parameter of a cause is further from neutral than its scale, or has no finite neutral."""
+        for key in cause.keys:
+            p = self._problem.parameters[key]
+            if not abs(fit.values.get(key, p.neutral) - p.neutral) <= p.scale:
+                return True
+        return False
+
+    def _likelier(self, fit: Fit, than: Fit) -> bool:
+        """Return whether a fit pays for its parameters also under the noise that its own residual tells.
+
+        What is beneath the whole library may be taken for less than the noise is, where the library is large.
+        """
+        own = whitening(fit.residual, self._problem.valid)
+        fell = float(np.sum(own(than.residual) ** 2) - np.sum(own(fit.residual) ** 2))
+        return fell > self._price(fit.keys) - self._price(than.keys)
+
+    def _recoloured(self, best: Fit) -> Fit:
+        """Whiten anew where the colour of what is left differs, and return the fit under it."""
+        own = whitening(best.residual, self._problem.valid)
+        e_own, e_now = own(best.residual), self.white(best.residual)
+        told = own.log_det + float(np.sum(e_own**2))
+        now = self.white.log_det * own.count / self.white.count + float(np.sum(e_now**2))
+        if now - told < _OTHER_COLOUR * own.count:
+            return best
+        columns = np.concatenate((self._library.columns, columns_of(self._problem, best.values, best.keys)))
+        self._use(noise_beneath(self._problem, best.residual, columns, rounds=1))
+        return self._fitter.fit(best.values, best.keys, steps=4)
+
+    def _use(self, white: Whitening) -> None:
+        self.white = white
+        self._stack = self._library.whitened(white)
+        self._fitter = Fitter(self._problem, white, self.base_columns)
+
+    def _products(self, fit: Fit, keys: Sequence[str]) -> Products:
+        extra = None
+        if keys:
+            raw = columns_of(self._problem, fit.values, keys)
+            extra = np.stack([self.white(column).reshape(-1) for column in raw])
+        return products(self._stack, self._q, self.white(fit.residual).reshape(-1), self._problem.n, extra)
+
+    @property
+    def _q(self) -> int:
+        return self._library.base

@@ -1,0 +1,140 @@
+"""`ankle_impedance.toml`: the ankle's impedance over stance for one slope and one manoeuvre, what a prosthesis can use.
+
+Values stand with their 95 % intervals; where the interval holds zero the value is not identifiable: it is nan, and
+`not_identifiable` says what and where. The intervals stay, for they are what is known.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from impedance.ankle.impedance import NORMAL_95, AnkleImpedance, AxisImpedance, Curve
+from impedance.ankle.trial import AnkleTrial, Manoeuvre, Perturbation
+from impedance.recording.plain_files import read_toml, write_toml
+from messages.checked import checked
+from messages.errors import UserError
+
+FloatArray = NDArray[np.float64]
+
+_HEADING: Final = """\
+# Intrinsic impedance of an ankle over stance: 0 % heel strike, 100 % toe off; only where the foot is flat.
+# low, high: 95 % intervals. nan: not identifiable.
+# Dorsi-plantarflexion is about Z of the plate, inversion-eversion about X.
+"""
+_CURVES: Final = ("stiffness_nm_per_rad", "damping_nms_per_rad")
+
+
+class AxisTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One axis: lists as long as `stance_percent`, and the foot's moment of inertia about the ankle's axis."""
+
+    stiffness_nm_per_rad: list[float]
+    stiffness_nm_per_rad_low: list[float]
+    stiffness_nm_per_rad_high: list[float]
+    damping_nms_per_rad: list[float]
+    damping_nms_per_rad_low: list[float]
+    damping_nms_per_rad_high: list[float]
+    foot_inertia_kgm2: float
+    foot_inertia_kgm2_low: float
+    foot_inertia_kgm2_high: float
+    not_identifiable: list[str]
+
+
+class AnkleTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What `ankle_impedance.toml` holds."""
+
+    manoeuvre: Manoeuvre
+    ground_slope_deg: Annotated[float, msgspec.Meta(ge=-30.0, le=30.0)]
+    subject: str
+    body_mass_kg: Annotated[float, msgspec.Meta(ge=10.0, le=300.0)]
+    perturbed_cycles: Annotated[int, msgspec.Meta(ge=0)]
+    stance_percent: list[float]
+    dorsi_plantarflexion: AxisTable
+    inversion_eversion: AxisTable
+
+    def axes(self) -> tuple[AxisTable, AxisTable]:
+        """Return both axes."""
+        return self.dorsi_plantarflexion, self.inversion_eversion
+
+
+def table_of(trial: AnkleTrial, found: AnkleImpedance) -> AnkleTable:
+    """Return the table of what was identified in a trial."""
+    settings, first, second = trial.settings, *(_axis_table(axis, found.stance) for axis in found.axes)
+    return AnkleTable(
+        manoeuvre=settings.manoeuvre,
+        ground_slope_deg=settings.ground_slope_deg,
+        subject=settings.subject.code,
+        body_mass_kg=settings.subject.mass_kg,
+        perturbed_cycles=sum(kind is not Perturbation.NONE for kind in trial.perturbation),
+        stance_percent=(100.0 * found.stance).round(6).tolist(),
+        dorsi_plantarflexion=first,
+        inversion_eversion=second,
+    )
+
+
+def save_table(path: Path, table: AnkleTable) -> None:
+    """Write the file in one step; raises UserError where it cannot, or `load_table` would refuse it."""
+    _check(table, path)
+    write_toml(path, msgspec.to_builtins(table), _HEADING)
+
+
+def load_table(path: Path) -> AnkleTable:
+    """Return the checked table; raises UserError, one line with file, field and what is allowed."""
+    table = checked(read_toml(path), AnkleTable, str(path))
+    _check(table, path)
+    return table
+
+
+def _axis_table(axis: AxisImpedance, stance: FloatArray) -> AxisTable:
+    reasons: list[str] = []
+    shown: dict[str, list[float]] = {}
+    for name, curve in zip(_CURVES, (axis.stiffness, axis.damping), strict=True):
+        unknown = curve.low <= 0.0
+        if unknown.any():
+            percent = 100.0 * stance[unknown]
+            reasons.append(f"{name} from {percent.min():.1f} to {percent.max():.1f} %: its interval holds zero")
+        shown |= _shown(name, curve, unknown)
+    half = NORMAL_95 * axis.inertia_deviation_kgm2
+    known = axis.inertia_kgm2 - half > 0.0
+    if not known:
+        reasons.append("foot_inertia_kgm2: its interval holds zero")
+    return AxisTable(
+        **shown,
+        foot_inertia_kgm2=axis.inertia_kgm2 if known else np.nan,
+        foot_inertia_kgm2_low=axis.inertia_kgm2 - half,
+        foot_inertia_kgm2_high=axis.inertia_kgm2 + half,
+        not_identifiable=reasons,
+    )
+
+
+def _shown(name: str, curve: Curve, unknown: NDArray[np.bool_]) -> dict[str, list[float]]:
+    value: list[float] = np.where(unknown, np.nan, curve.value).tolist()
+    return {name: value, f"{name}_low": curve.low.tolist(), f"{name}_high": curve.high.tolist()}
+
+
+def _check(table: AnkleTable, path: Path) -> None:
+    problem = next(_problems(table), None)
+    if problem is not None:
+        raise UserError(f"{path}: {problem}")
+
+
+def _problems(table: AnkleTable) -> Iterator[str]:
+    stance = np.array(table.stance_percent)
+    if len(stance) < 2 or not (np.all(np.diff(stance) > 0.0) and stance[0] >= 0.0 and stance[-1] <= 100.0):
+        yield "stance_percent must rise from 0 at least to 100 at most, two values or more"
+    for axis, part in zip(("dorsi_plantarflexion", "inversion_eversion"), table.axes(), strict=True):
+        for name in _CURVES:
+            value, low, high = (np.array(getattr(part, name + end)) for end in ("", "_low", "_high"))
+            if not len(value) == len(low) == len(high) == len(stance):
+                yield f"{axis}.{name} and its low and high must hold {len(stance)} values each, as stance_percent does"
+            elif not (np.isfinite(low) & np.isfinite(high)).all():
+                yield f"{axis}.{name}_low and _high must be finite"
+            elif np.any((value < low) | (value > high) | (low > high)):
+                k = int(np.argmax((value < low) | (value > high) | (low > high)))
+                yield f"{axis}.{name}[{k}] is {value[k]:.6g}, allowed {low[k]:.6g} to {high[k]:.6g}: low to high"
+            elif np.any(value <= 0.0):
+                k = int(np.argmax(value <= 0.0))
+                yield f"{axis}.{name}[{k}] is {value[k]:.6g}, allowed above 0, or nan"

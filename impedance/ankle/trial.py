@@ -1,0 +1,263 @@
+"""A human trial on the vibrating platform: some cycles of stance on one slope and in one manoeuvre, as a folder.
+
+- `trial.toml`: the settings (`TrialSettings`);
+- `cycles.csv`: the samples, one row each, columns `COLUMNS`;
+- `events.csv`: one row per cycle: `cycle, perturbation, onset_s`; none, ramp or random; the onset on the cycle's t_s.
+
+Plate angles are θ and φ of R_IP = Rz(θ) Rx(φ), so θ holds the slope; the shank's are its turns about Z and X from
+upright. The wrench is the one that the platform exerts, in P, about P's origin. The foot stands flat on the plate
+between the two shares of stance that the settings tell: there the foot turns with the plate, and only there is
+anything estimated.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from impedance.recording.plain_files import read_table, read_toml, write_table, write_toml
+from impedance.recording.table import read_columns, write_columns
+from messages.checked import checked
+from messages.errors import UserError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+COLUMNS: Final = (
+    *("cycle", "t_s", "stance_percent", "plate_theta_rad", "plate_phi_rad", "shank_theta_rad", "shank_phi_rad"),
+    *("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"),
+)
+EVENT_COLUMNS: Final = ("cycle", "perturbation", "onset_s")
+
+Length = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
+Moment = Annotated[float, msgspec.Meta(ge=-10.0, le=10.0)]
+Deviation = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]
+Percent = Annotated[float, msgspec.Meta(ge=0.0, le=100.0)]
+
+_LARGEST_ANGLE_RAD = 1.0
+_WEIGHT_SHARE = (0.2, 2.0)
+_STEP_TOLERANCE = 0.05
+_LEAST_SAMPLES = 50
+
+
+class Manoeuvre(Enum):
+    """What the person does on the plate."""
+
+    STANDING = "standing"
+    STRAIGHT = "straight"
+    STEP_TURN = "step_turn"
+    SPIN_TURN = "spin_turn"
+    SIDESTEP = "sidestep"
+
+
+class Perturbation(Enum):
+    """How the plate moves during one cycle: not at all, by one short ramp, or at random all the time."""
+
+    NONE = "none"
+    RAMP = "ramp"
+    RANDOM = "random"
+
+
+class Subject(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Who walks: a code, never a name."""
+
+    code: str
+    mass_kg: Annotated[float, msgspec.Meta(ge=10.0, le=300.0)]
+
+
+class FlatFoot(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The share of stance, heel strike 0 to toe off 100, in which the foot stands flat on the plate."""
+
+    from_percent: Percent
+    to_percent: Percent
+
+
+class Ankle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where the ankle's centre A lies in P while the foot is flat, with its standard deviation."""
+
+    in_plate_m: tuple[Length, Length, Length]
+    deviation_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.05)]
+
+
+class BodyPrior(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What is known of a body beforehand: mass, centre of gravity in P, tensor about it along P; and deviations.
+
+    The tensor's order is xx, yy, zz, yz, xz, xy.
+    """
+
+    mass_kg: Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
+    cog_m: tuple[Length, Length, Length]
+    inertia_kgm2: tuple[Moment, Moment, Moment, Moment, Moment, Moment]
+    mass_deviation_kg: Deviation
+    cog_deviation_m: tuple[Deviation, Deviation, Deviation]
+    inertia_deviation_kgm2: tuple[Deviation, Deviation, Deviation, Deviation, Deviation, Deviation]
+
+
+class TrialSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What `trial.toml` holds."""
+
+    manoeuvre: Manoeuvre
+    ground_slope_deg: Annotated[float, msgspec.Meta(ge=-30.0, le=30.0)]
+    rate_hz: Annotated[float, msgspec.Meta(ge=100.0, le=5000.0)]
+    joint_to_surface_m: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+    subject: Subject
+    flat_foot: FlatFoot
+    ankle: Ankle
+    plate: BodyPrior
+    foot: BodyPrior
+
+
+@dataclass(frozen=True)
+class AnkleTrial:
+    """n samples of c cycles, one cycle after the other.
+
+    `cycle` (n,) counts from 0; `t_s`, `stance` (n,), 0 at heel strike and 1 at toe off; `plate_rad` (n, 2) is (θ, φ),
+    `shank_rad` (n, 2) likewise about Z and X; `wrench` (n, 6) is (f, T). Of each cycle: `perturbation` and `onset_s`
+    (c,), NaN where there is none.
+    """
+
+    settings: TrialSettings
+    cycle: IntArray
+    t_s: FloatArray
+    stance: FloatArray
+    plate_rad: FloatArray
+    shank_rad: FloatArray
+    wrench: FloatArray
+    perturbation: tuple[Perturbation, ...]
+    onset_s: FloatArray
+
+    def rows_of(self, cycle: int) -> slice:
+        """Return the samples of one cycle."""
+        first, end = np.searchsorted(self.cycle, (cycle, cycle + 1)).tolist()
+        return slice(first, end)
+
+
+def load_trial(folder: Path) -> AnkleTrial:
+    """Return the trial in `folder`; raises UserError, one line with file, field or row, and what is allowed."""
+    settings_path, cycles_path, events_path = (folder / n for n in ("trial.toml", "cycles.csv", "events.csv"))
+    settings = checked(read_toml(settings_path), TrialSettings, str(settings_path))
+    _check_settings(settings, settings_path)
+    rows = _numbers(cycles_path)
+    events = read_table(events_path, EVENT_COLUMNS)
+    names, cycle = np.unique(rows[:, 0], return_inverse=True)
+    trial = AnkleTrial(
+        settings,
+        cycle.astype(np.int64).reshape(-1),
+        *(rows[:, 1], 0.01 * rows[:, 2], rows[:, 3:5], rows[:, 5:7], rows[:, 7:13]),
+        *_events(events_path, events, names),
+    )
+    _check_samples(trial, rows[:, 0], cycles_path)
+    _check_onsets(trial, events_path)
+    return trial
+
+
+def save_trial(folder: Path, trial: AnkleTrial) -> None:
+    """Write the folder that `load_trial` reads, to 12 digits; raises UserError where it cannot."""
+    write_toml(folder / "trial.toml", msgspec.to_builtins(trial.settings))
+    motion = (trial.plate_rad, trial.shank_rad, trial.wrench)
+    rows = np.column_stack((trial.cycle + 1.0, trial.t_s, 100.0 * trial.stance, *motion))
+    write_columns(folder / "cycles.csv", COLUMNS, rows)
+    events = enumerate(zip(trial.perturbation, trial.onset_s.tolist(), strict=True), start=1)
+    write_table(
+        folder / "events.csv",
+        EVENT_COLUMNS,
+        [[str(c), kind.value, "" if np.isnan(at_s) else f"{at_s:.10g}"] for c, (kind, at_s) in events],
+    )
+
+
+def _numbers(path: Path) -> FloatArray:
+    rows = read_columns(path, COLUMNS)
+    wrong = np.argwhere(~np.isfinite(rows))
+    if len(wrong):
+        row, column = wrong[0].tolist()
+        raise UserError(f"{path}: row {row + 2}: {COLUMNS[column]} is not finite; leave the whole cycle out")
+    return rows
+
+
+def _events(path: Path, table: list[list[str]], names: FloatArray) -> tuple[tuple[Perturbation, ...], FloatArray]:
+    known = {kind.value: kind for kind in Perturbation}
+    found: dict[float, tuple[Perturbation, float]] = {}
+    for row, (name, kind, onset) in enumerate(table, start=2):
+        if kind not in known:
+            raise UserError(f"{path}: row {row}: perturbation is {kind!r}, allowed {', '.join(known)}")
+        try:
+            number, onset_s = float(name), float(onset) if onset else np.nan
+        except ValueError:
+            raise UserError(
+                f"{path}: row {row}: cycle and onset_s must be numbers, found {name!r}, {onset!r}"
+            ) from None
+        if number in found:
+            raise UserError(f"{path}: row {row}: cycle {name} stands twice")
+        found[number] = (known[kind], onset_s)
+    for number in names.tolist():
+        if number not in found:
+            raise UserError(f"{path}: cycle {number:g} of cycles.csv is missing")
+    kinds, onsets = zip(*(found[number] for number in names.tolist()), strict=True)
+    return kinds, np.array(onsets)
+
+
+def _check_settings(settings: TrialSettings, path: Path) -> None:
+    flat = settings.flat_foot
+    if not flat.from_percent + 10.0 <= flat.to_percent:
+        raise UserError(
+            f"{path}: flat_foot.to_percent is {flat.to_percent:g}, allowed from {flat.from_percent + 10.0:g} to 100: "
+            "at least 10 % of stance"
+        )
+
+
+def _check_samples(trial: AnkleTrial, name: FloatArray, path: Path) -> None:
+    """Raise UserError for what cannot be: broken or unsorted cycles, gaps, degrees, an upside-down plate."""
+    if np.any(np.diff(name) < 0.0):
+        row = int(np.argmax(np.diff(name) < 0.0)) + 3
+        raise UserError(f"{path}: row {row}: cycle falls; the cycles must stand one after the other, rising")
+    same = np.diff(trial.cycle) == 0
+    step_s = 1.0 / trial.settings.rate_hz
+    off = same & (np.abs(np.diff(trial.t_s) - step_s) > _STEP_TOLERANCE * step_s)
+    if off.any():
+        row = int(np.argmax(off))
+        raise UserError(
+            f"{path}: row {row + 3}: t_s steps by {trial.t_s[row + 1] - trial.t_s[row]:.6g} s, "
+            f"allowed {step_s:.6g} s (rate_hz) ± {100 * _STEP_TOLERANCE:g} %: a gap, or an unequal rate"
+        )
+    falls = same & (np.diff(trial.stance) <= 0.0)
+    if falls.any():
+        raise UserError(f"{path}: row {int(np.argmax(falls)) + 3}: stance_percent must rise within a cycle")
+    counts = np.bincount(trial.cycle)
+    if counts.min() < _LEAST_SAMPLES:
+        raise UserError(
+            f"{path}: cycle {name[np.searchsorted(trial.cycle, counts.argmin())]:g} has {counts.min()} samples, "
+            f"allowed from {_LEAST_SAMPLES}"
+        )
+    for column, values in zip(COLUMNS[3:7], np.hstack((trial.plate_rad, trial.shank_rad)).T, strict=True):
+        if np.abs(values).max() > _LARGEST_ANGLE_RAD:
+            raise UserError(
+                f"{path}: {column} reaches {np.abs(values).max():.4g}, allowed ±{_LARGEST_ANGLE_RAD:g} rad: degrees?"
+            )
+    weight_n = 9.81 * trial.settings.subject.mass_kg
+    flat = in_flat_foot(trial)
+    share = float(np.median(trial.wrench[flat, 1])) / weight_n if flat.any() else np.nan
+    if not _WEIGHT_SHARE[0] <= share <= _WEIGHT_SHARE[1]:
+        raise UserError(
+            f"{path}: fy_n with the foot flat has the median {share:.2g} of the subject's weight, allowed "
+            f"{_WEIGHT_SHARE[0]:g} to {_WEIGHT_SHARE[1]:g}: the platform pushes up; axes swapped, or another unit?"
+        )
+
+
+def _check_onsets(trial: AnkleTrial, path: Path) -> None:
+    for cycle, (kind, onset_s) in enumerate(zip(trial.perturbation, trial.onset_s.tolist(), strict=True)):
+        rows = trial.rows_of(cycle)
+        first_s, last_s = trial.t_s[rows][[0, -1]].tolist()
+        if kind is Perturbation.RAMP and not first_s <= onset_s <= last_s:
+            raise UserError(
+                f"{path}: row {cycle + 2}: onset_s of a ramp is {onset_s:g}, allowed {first_s:g} to {last_s:g}"
+            )
+
+
+def in_flat_foot(trial: AnkleTrial) -> NDArray[np.bool_]:
+    """Return (n,) where the foot stands flat on the plate."""
+    flat = trial.settings.flat_foot
+    return (trial.stance >= 0.01 * flat.from_percent) & (trial.stance <= 0.01 * flat.to_percent)

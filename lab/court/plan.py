@@ -1,0 +1,95 @@
+"""What a court asks: which kinds of cases, of which effects, in which order. Nothing here is random but the seeds."""
+
+import secrets
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TypeVar, cast
+
+from lab.hidden.case import Case, Kind, System
+
+SYSTEMS = ("platform", "imu", "wearable")
+FEWEST_CASES = 120
+FEWEST_OF_AN_EFFECT = 4
+DEVELOPMENT_SEEDS = range(1, 1000)
+"""Seeds that development may look at. Judging seeds are drawn at run time and lie above."""
+
+_SHARES = {Kind.CLEAN: 20 / 140, Kind.PAIR: 12 / 140, Kind.OUTSIDE: 12 / 140, Kind.WITHHELD: 12 / 140}
+_JUDGING_SEEDS = 2**62
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Slot:
+    """The place of a case in the court, before it has a seed. `left_out` is what the finder's library lacks in it."""
+
+    system: str
+    number: int
+    kind: Kind
+    effects: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+    @property
+    def file_name(self) -> str:
+        """Return the name of its result file."""
+        return f"{self.system}-{self.number:04d}.json"
+
+    def case(self, *, development: bool) -> Case:
+        """Return the case with a seed that nobody has seen, or of the development list."""
+        if development:
+            seed = DEVELOPMENT_SEEDS[(SYSTEMS.index(self.system) * 331 + self.number) % len(DEVELOPMENT_SEEDS)]
+        else:
+            seed = DEVELOPMENT_SEEDS.stop + secrets.randbelow(_JUDGING_SEEDS)
+        return Case(self.system, seed, self.kind, self.effects)
+
+
+def hidden_system(name: str) -> System:
+    """Return the module that writes a system's cases."""
+    return cast(System, import_module(f"lab.hidden.{name}"))
+
+
+def slots(name: str, system: System, cases: int | None = None) -> list[Slot]:
+    """Return a system's slots: `cases` of them, or at least 120 with at least four of every effect.
+
+    The kinds are spread through the list, so that a court that was stopped has seen some of each.
+    """
+    total = FEWEST_CASES if cases is None else cases
+    while cases is None and total - sum(_counts(total).values()) < FEWEST_OF_AN_EFFECT * len(system.EFFECTS):
+        total += 1
+    counts = _counts(total)
+    asked: list[tuple[Kind, tuple[str, ...]]] = [(Kind.CLEAN, ())] * counts[Kind.CLEAN]
+    asked += [(Kind.PAIR, pair) for pair in _spread(system.PAIRS, counts[Kind.PAIR])]
+    asked += [(Kind.OUTSIDE, (mechanism,)) for mechanism in _spread(system.OUTSIDE, counts[Kind.OUTSIDE])]
+    asked += [(Kind.WITHHELD, (effect,)) for effect in _spread(system.EFFECTS, counts[Kind.WITHHELD])]
+    asked += [(Kind.SINGLE, (effect,)) for effect in _spread(system.EFFECTS, total - len(asked))]
+    stride = _stride(len(asked))
+    order = [asked[place * stride % len(asked)] for place in range(len(asked))]
+    return [
+        Slot(name, number, kind, effects, look_alikes(system, effects[0]) if kind is Kind.WITHHELD else ())
+        for number, (kind, effects) in enumerate(order)
+    ]
+
+
+def look_alikes(system: System, effect: str) -> tuple[str, ...]:
+    """Return an effect and all that its recordings can hardly tell from it."""
+    alike = {name for group in system.LOOK_ALIKES if effect in group for name in group}
+    return tuple(sorted(alike | {effect}))
+
+
+def _counts(total: int) -> dict[Kind, int]:
+    return {kind: round(share * total) for kind, share in _SHARES.items()}
+
+
+def _spread(items: Sequence[T], count: int) -> Iterable[T]:
+    """Return `count` of the items, each equally often, and of a part of them those that lie evenly."""
+    whole, part = divmod(count, len(items))
+    return [*items] * whole + [items[place * len(items) // part] for place in range(part)]
+
+
+def _stride(length: int) -> int:
+    """Return a step that visits all of `length` places, far apart."""
+    step = max(1, round(0.382 * length))
+    while any(step % prime == 0 and length % prime == 0 for prime in range(2, length + 1)):
+        step += 1
+    return step

@@ -1,0 +1,160 @@
+"""What a consumer hears on Zenoh and on CAN, each value held against the truth as it comes."""
+
+import json
+import time
+from collections import Counter, deque
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+import zenoh
+
+from lab.faults.daemon_process import DEVICE
+from lab.faults.judgement import STALE_S, Errors, errors_of, flags, ground_errors, is_wrong_attitude
+from messages import TOPICS, Attitude, GroundPlane, GroundTruth, Health, Reason, Stamp, Status
+from messages.can_frames import CanFrame
+from messages.can_receiver import GroundReceiver, ReceivedGround
+from messages.codec import decode
+from sim_rig.wearer import SimulatedWearer
+
+_NOTHING_OFF = Errors(0.0, 0.0, False)
+_PROMPT_NS = 25_000_000
+_KEPT = 4096
+
+
+class Heard(NamedTuple):
+    """One ground as heard on Zenoh. `errors` are those of a valid one; `flag`: it tells that something is wrong."""
+
+    t_ns: int
+    ground: GroundPlane
+    truth: GroundTruth
+    errors: Errors
+    valid: bool
+    stale: bool
+    flag: bool
+
+
+class HeardAttitude(NamedTuple):
+    """One attitude as heard on Zenoh."""
+
+    t_ns: int
+    valid: bool
+    wrong: bool
+    reason: Reason
+
+
+class HeardOnCan(NamedTuple):
+    """One ground that the reference receiver took from CAN."""
+
+    t_ns: int
+    errors: Errors
+
+
+class Listener:
+    """Hears one daemon after the other. `take` is called over and over; what it finds is appended to the lists.
+
+    What is heard after the listener itself was held up (no `take` for 25 ms) says nothing about when it was sent: its
+    lateness is not judged, on CAN nothing of it; `held_up` counts those messages.
+    """
+
+    def __init__(self, wearer: SimulatedWearer) -> None:
+        self.grounds: deque[Heard] = deque(maxlen=_KEPT)
+        self.attitudes: deque[HeardAttitude] = deque(maxlen=_KEPT)
+        self.on_can: deque[HeardOnCan] = deque(maxlen=_KEPT)
+        self.health: Health | None = None
+        self._wearer = wearer
+        self._receiver = GroundReceiver(max_age_s=STALE_S, accept_simulated=True)
+        self._seqs: deque[int] = deque(maxlen=_KEPT)
+        self._waiting: deque[tuple[int, bool, type[msgspec.Struct], bytes]] = deque()
+        self._took_ns = 0
+        self.held_up = 0
+        self._session: zenoh.Session | None = None
+
+    def connect(self, endpoint: str) -> None:
+        """Subscribe to the daemon that listens there, one that numbers its messages anew."""
+        self.close()
+        self._seqs.clear()
+        settings = {
+            "mode": "client",
+            "connect": {"endpoints": [endpoint]},
+            "scouting": {"multicast": {"enabled": False}},
+        }
+        self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
+        for name in ("ground", "attitude", "health"):
+            self._subscribe(self._session, name)
+
+    def close(self) -> None:
+        """End the session, if there is one."""
+        session, self._session = self._session, None
+        if session is not None:
+            session.close()  # type: ignore[no-untyped-call]  # zenoh's stubs leave it bare
+
+    def hear_can(self, frame: CanFrame) -> None:
+        """Take one frame of the bus."""
+        now_ns = time.monotonic_ns()
+        received = self._receiver.feed(frame.can_id, frame.data, now_ns)
+        if isinstance(received, ReceivedGround):
+            numbers = (received.slope_sagittal_rad, received.slope_frontal_rad, received.height_m)
+            deviations = (received.slope_sagittal_sd_rad, received.slope_frontal_sd_rad, received.height_sd_m)
+            truth = self._wearer.truth(received.t_exposure_ns)
+            errors = ground_errors(numbers, deviations, truth) if self._is_prompt(now_ns) else _NOTHING_OFF
+            self.on_can.append(HeardOnCan(now_ns, errors))
+
+    def take(self) -> None:
+        """Judge what has been heard since the last call."""
+        while self._waiting:
+            t_ns, prompt, kind, payload = self._waiting.popleft()
+            self.held_up += not prompt
+            if kind is GroundPlane:
+                self._take_ground(t_ns, prompt, decode(payload, GroundPlane), decode(payload, Stamp))
+            elif kind is Attitude:
+                self._take_attitude(t_ns, decode(payload, Attitude))
+            else:
+                self.health = decode(payload, Health)
+        self._took_ns = time.monotonic_ns()
+
+    def counted(self) -> Counter[str]:
+        """Return the counters of the last health message, by name."""
+        if self.health is None:
+            return Counter()
+        return Counter(dict(_flat(msgspec.to_builtins(self.health))))
+
+    def _subscribe(self, session: zenoh.Session, name: str) -> None:
+        topic = TOPICS[name]
+
+        def hear(sample: zenoh.Sample) -> None:
+            now_ns = time.monotonic_ns()
+            self._waiting.append((now_ns, self._is_prompt(now_ns), topic.message, sample.payload.to_bytes()))
+
+        session.declare_subscriber(topic.key(DEVICE), hear)
+
+    def _is_prompt(self, now_ns: int) -> bool:
+        return now_ns - self._took_ns < _PROMPT_NS
+
+    def _take_ground(self, t_ns: int, prompt: bool, ground: GroundPlane, stamp: Stamp) -> None:
+        truth = self._wearer.truth(ground.t_exposure_ns)
+        valid = ground.status is Status.VALID
+        repeated = stamp.seq in self._seqs
+        self._seqs.append(stamp.seq)
+        too_old = prompt and (t_ns - ground.t_exposure_ns) * 1e-9 > STALE_S
+        errors = errors_of(ground, truth) if valid else _NOTHING_OFF
+        stale = valid and (too_old or repeated)
+        self.grounds.append(Heard(t_ns, ground, truth, errors, valid, stale, flags(ground, truth)))
+
+    def _take_attitude(self, t_ns: int, attitude: Attitude) -> None:
+        valid = attitude.status is Status.VALID
+        wrong = valid and is_wrong_attitude(
+            attitude, self._wearer.gait.at(np.array([attitude.t_sample_ns], dtype=np.int64)).R_WB[0]
+        )
+        self.attitudes.append(HeardAttitude(t_ns, valid, wrong, attitude.reason))
+
+
+def _flat(health: dict[str, object]) -> list[tuple[str, int]]:
+    """Return every counter of a health message, those in tables as `table.name`."""
+    found: list[tuple[str, int]] = []
+    for name, value in health.items():
+        if isinstance(value, dict):
+            found += [(f"{name}.{key}", count) for key, count in value.items() if isinstance(count, int)]
+        elif isinstance(value, int) and name != "t_ns":
+            found.append((name, value))
+    return found

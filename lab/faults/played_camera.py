@@ -1,0 +1,142 @@
+"""The wearer's frames played through the V4L2 node in real time, with what may befall a picture, a stamp or a call."""
+
+import errno
+import mmap
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+
+from drivers.camera import v4l2_abi as v4l2
+from drivers.camera.frame_pool import GRID_NS
+from drivers.camera.v4l2_device import IoctlArgument, LinuxKernel
+from messages import GreyImage
+from sim_rig.camera.rendered_frames import Rendered
+from sim_rig.camera.v4l2_node import Fault, Mode, V4l2Node
+from sim_rig.unit import HEIGHT_PX, WIDTH_PX
+from sim_rig.wearer import SimulatedWearer
+
+Pair = tuple[GreyImage, GreyImage]
+Spoil = Callable[[Pair], Pair]
+"""What becomes of the left and right picture (720, 1280); it leaves what it is given as it is."""
+
+FRAME_RATE_HZ = 20
+TRANSFER_S = 0.022
+SLOTS = 40
+
+
+class PlayedCamera(Mapping[int, Fault]):
+    """A camera that shows the wearer's walk, frame k on the node exactly at the shutter's frame k.
+
+    `spoils` by name change pictures, `mishaps` by name say what befalls a frame (by its number k), both in the order
+    in which they came. A frame that the rendering process did not finish in time is lost, and counted in `rig_late`:
+    that is the rig's own failure. It is its node's table of frame faults as well.
+    """
+
+    def __init__(self, wearer: SimulatedWearer) -> None:
+        self._first_stamp_ns = wearer.shutter.stamp_ns(0)
+        self._frames = wearer.rendered_frames(SLOTS)
+        self._waiting: deque[Rendered] = deque()
+        self._shown: Rendered | None = None
+        self.spoils: dict[str, Spoil] = {}
+        self.mishaps: dict[str, Callable[[int], Fault | None]] = {}
+        self.rig_late = 0
+        self.node = V4l2Node(
+            self._pictures,
+            LinuxKernel(),
+            modes=[Mode("YUYV", 2 * WIDTH_PX, HEIGHT_PX)],
+            rates_hz=(FRAME_RATE_HZ,),
+            transfer_s=TRANSFER_S,
+            faults=self,
+            phase_ns=self._first_stamp_ns,
+        )
+        self.kernel = FaultyKernel(self.node)
+
+    def close(self) -> None:
+        """End the rendering process."""
+        self._frames.close()
+
+    def __getitem__(self, _frame: int) -> Fault:
+        k = self._now_exposed
+        mishap = next((found for mishap in self.mishaps.values() if (found := mishap(k)) is not None), None)
+        if not self._show(k) and mishap is not Fault.UNPLUG:
+            self.rig_late += mishap is not Fault.LOST
+            mishap = Fault.LOST
+        if mishap is None:
+            raise KeyError(k)
+        return mishap
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(())
+
+    def __len__(self) -> int:
+        return 0
+
+    @property
+    def _now_exposed(self) -> int:
+        return round((self.node.frame_start_ns - self._first_stamp_ns) / GRID_NS)
+
+    def _show(self, k: int) -> bool:
+        """Let go of the frames before `k` and hold frame `k`, if it has been rendered."""
+        self._waiting.extend(self._frames.collect())
+        if self._shown is not None and self._shown.k != k:
+            self._frames.give_back(self._shown)
+            self._shown = None
+        while self._waiting and self._waiting[0].k < k:
+            self._frames.give_back(self._waiting.popleft())
+        if self._waiting and self._waiting[0].k == k:
+            self._shown = self._waiting.popleft()
+        return self._shown is not None
+
+    def _pictures(self, _frame: int) -> Pair:
+        if self._shown is None:
+            raise RuntimeError("the node shows a frame that was never rendered")
+        pair = self._frames.pictures(self._shown)
+        for spoil in tuple(self.spoils.values()):
+            pair = spoil(pair)
+        return pair
+
+
+class FaultyKernel:
+    """A Kernel (see `drivers.camera.v4l2_device`) before the node's own: `dequeue_error` fails every VIDIOC_DQBUF
+    with this errno, `silent` makes a camera that streams without ever filling a buffer.
+    """
+
+    def __init__(self, node: V4l2Node) -> None:
+        self._node = node
+        self.dequeue_error = 0
+        self.silent = False
+
+    def monotonic_ns(self) -> int:
+        """Return the time."""
+        return self._node.monotonic_ns()
+
+    def sleep(self, duration_s: float) -> None:
+        """Wait."""
+        self._node.sleep(duration_s)
+
+    def open(self, path: str) -> int:
+        """Open the node."""
+        return self._node.open(path)
+
+    def close(self, fd: int) -> None:
+        """Close the node."""
+        self._node.close(fd)
+
+    def mmap(self, fd: int, length: int, offset: int) -> mmap.mmap:
+        """Map a buffer."""
+        return self._node.mmap(fd, length, offset)
+
+    def poll(self, fd: int, timeout_s: float) -> int:
+        """Wait for a frame."""
+        if self.silent:
+            self._node.sleep(timeout_s)
+            return 0
+        return self._node.poll(fd, timeout_s)
+
+    def ioctl(self, fd: int, request: int, argument: IoctlArgument) -> None:
+        """Answer a request, or fail it."""
+        if request == v4l2.VIDIOC_DQBUF and self.dequeue_error:
+            raise OSError(self.dequeue_error, os.strerror(self.dequeue_error))
+        if request == v4l2.VIDIOC_DQBUF and self.silent:
+            raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+        self._node.ioctl(fd, request, argument)

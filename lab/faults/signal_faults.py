@@ -1,0 +1,123 @@
+"""The catalogue's IMU, continued: samples that are wrong without any error on the bus."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.faults.fault import MOTION_FLAG_S, Expect, Fault, Layer, Tamper
+from sim_rig.imu.mpu6050_chip import Mpu6050Chip
+
+Counts = NDArray[np.int16]
+Distortion = Callable[[Counts], Counts]
+"""Turns counts (n, 7), accelerometer xyz, temperature, gyroscope xyz, into what the registers show."""
+
+_AXES = {"accel-x": 0, "accel-y": 1, "accel-z": 2, "gyro-x": 4, "gyro-y": 5, "gyro-z": 6}
+_TEMPERATURE = 3
+_LSB_PER_G, _LSB_PER_DEG_PER_S, _LSB_PER_DEGC = 8192, 65.5, 340
+"""At the driver's own ranges, ±4 g and ±500 °/s."""
+
+
+def _affine(column: int, scale: float, offset: float = 0.0) -> Distortion:
+    """Return counts whose `column` reads `scale` times itself plus `offset`."""
+
+    def distort(counts: Counts) -> Counts:
+        changed: Counts = counts.copy()
+        changed[:, column] = np.clip(np.rint(scale * counts[:, column] + offset), -32768, 32767)
+        return changed
+
+    return distort
+
+
+def _swapped(counts: Counts) -> Counts:
+    exchanged: Counts = counts[:, (1, 0, 2, 3, 5, 4, 6)]
+    return exchanged
+
+
+def _saturated(counts: Counts) -> Counts:
+    changed: Counts = counts.copy()
+    changed[:, :3] = np.where(counts[:, :3] < 0, -32768, 32767)
+    return changed
+
+
+def _creeping() -> Distortion:
+    """Return an accelerometer whose x bias grows by 0.02 g a second."""
+    began_s = time.monotonic()
+    return lambda counts: _affine(0, 1.0, 0.02 * _LSB_PER_G * (time.monotonic() - began_s))(counts)
+
+
+def _distorting(make: Callable[[], Distortion]) -> Tamper:
+    def set_to(distortion: Distortion | None) -> Callable[[Mpu6050Chip], None]:
+        def act(chip: Mpu6050Chip) -> None:
+            chip.distortion = distortion
+
+        return act
+
+    return Tamper(lambda bench: bench.chip.do(set_to(make())), lambda bench: bench.chip.do(set_to(None)))
+
+
+def _contradiction(name: str, how: str, make: Callable[[], Distortion]) -> Fault:
+    return Fault(
+        name=name,
+        layer=Layer.IMU,
+        how=how,
+        act=_distorting(make),
+        expect=Expect.FLAGGED,
+        limit_s=MOTION_FLAG_S,
+        hold_s=6.0,
+        in_motion=True,
+        touches="counts",
+    )
+
+
+def _flip(axis: str, column: int) -> Fault:
+    return _contradiction(f"imu-flip-{axis}", f"{axis} changes its sign", lambda: _affine(column, -1.0))
+
+
+SIGNAL_FAULTS = (
+    *(_flip(axis, column) for axis, column in _AXES.items()),
+    _contradiction("imu-axes-swapped", "x and y of both sensors are exchanged", lambda: _swapped),
+    _contradiction("imu-gyro-scale", "gyro-y reads half as much again", lambda: _affine(5, 1.5)),
+    _contradiction("imu-accel-bias-jump", "accel-x jumps by 0.1 g", lambda: _affine(0, 1.0, 0.1 * _LSB_PER_G)),
+    Fault(
+        name="imu-gyro-bias-jump",
+        layer=Layer.IMU,
+        how="gyro-y jumps by 5 °/s",
+        act=_distorting(lambda: _affine(5, 1.0, 5.0 * _LSB_PER_DEG_PER_S)),
+        expect=Expect.HONEST,
+        hold_s=6.0,
+        in_motion=True,
+        reason="a bias is what the attitude estimates all the time: it is absorbed or refused",
+        touches="counts",
+    ),
+    Fault(
+        name="imu-accel-bias-creeps",
+        layer=Layer.IMU,
+        how="the bias of accel-x grows by 0.02 g a second for 5 s",
+        act=_distorting(_creeping),
+        expect=Expect.UNDETECTABLE,
+        hold_s=5.0,
+        in_motion=True,
+        reason="slower than what walking does to the mean of the accelerations: it looks like a tilt of the world",
+    ),
+    Fault(
+        name="imu-clipped",
+        layer=Layer.IMU,
+        how="all three accelerations saturate for 0.5 s, as on a hard knock",
+        act=_distorting(lambda: _saturated),
+        expect=Expect.HONEST,
+        hold_s=0.5,
+        reason="clipped samples say so themselves; the gyroscope bridges them",
+        touches="counts",
+    ),
+    Fault(
+        name="imu-temperature-jump",
+        layer=Layer.IMU,
+        how="the die seems 30 °C hotter from one sample to the next",
+        act=_distorting(lambda: _affine(_TEMPERATURE, 1.0, 30.0 * _LSB_PER_DEGC)),
+        expect=Expect.TOLERATED,
+        reason="temperature is told, not used",
+        touches="counts",
+    ),
+)

@@ -1,0 +1,206 @@
+"""Where trials take place: one walking wearer, one running daemon, its outlets and its listener.
+
+stage ─── orders ───► daemon's process: bench (chip, camera node) ─ drivers ─ service
+  ▲  ▲                                                                          │
+  │  └──────────────────────────── Zenoh, loopback ─────────────────────────────┤
+  └─── CAN, slcan over a pseudo-terminal ───────────────────────────────────────┘
+"""
+
+import socket
+import time
+from collections import Counter
+from collections.abc import Callable
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from lab.faults.adapter import PtyAdapter
+from lab.faults.catalogue import carry_out
+from lab.faults.daemon_process import DEVICE, DaemonPlan, DaemonProcess, Order, open_files, resident_mb, threads
+from lab.faults.fault import Fault, Outside, Tamper
+from lab.faults.listener import Listener
+from lab.faults.report import FaultFree, Process
+from lab.faults.surroundings import Surroundings
+from lab.faults.trial import is_steady
+from messages import UserError
+
+SCENARIO = "ramps"
+_LEAD_S = 6.0
+_SERVE_S = 0.003
+_STEADY_FRAMES = 20
+_STEADY_ATTITUDES = 100
+_WALK_AHEAD_S = 5.0
+_GRID_S = 0.05
+
+
+class Stage:
+    """Keeps the daemon running in `folder`, an empty one, and hears it. Close it when done.
+
+    A start may take `patience_s` to a steady ground; a machine that is busy with other things needs more.
+    """
+
+    def __init__(self, seed: int, folder: Path, *, patience_s: float = 15.0) -> None:
+        self._patience_s = patience_s
+        self.adapter = PtyAdapter(folder / "can-adapter")
+        self.plan = DaemonPlan(
+            seed=seed,
+            scenario=SCENARIO,
+            start_ns=time.monotonic_ns() + round(_LEAD_S * 1e9),
+            zenoh=f"tcp/127.0.0.1:{_free_port()}",
+            can=self.adapter.settings,
+            log=folder / "daemon.log",
+        )
+        self.free = FaultFree()
+        self.longest: Process | None = None
+        self.starts = self.hung_stops = 0
+        self._wearer = self.plan.wearer()
+        self.listener = Listener(self._wearer)
+        self.around = Surroundings(
+            self.adapter, self.plan.zenoh, f"gaiteyes/{DEVICE}/*/v1", lambda: self.start(self.plan)
+        )
+        self._daemon: DaemonProcess | None = None
+        self._first_look: Process | None = None
+        self._looked_s = 0.0
+        self._free_from_ns: int | None = None
+        self._late_then = 0
+
+    # The daemon
+
+    def start(self, plan: DaemonPlan) -> None:
+        """Start the daemon, in place of the one that runs. Raises UserError if it refuses."""
+        self.stop()
+        self._daemon = DaemonProcess(plan, carry_out)
+        self.around.daemon_pid = self._daemon.pid
+        self.listener.connect(plan.zenoh)
+        self.starts += 1
+
+    def stop(self) -> None:
+        """End the daemon, if one runs."""
+        self.listener.close()
+        daemon, self._daemon = self._daemon, None
+        self._first_look, self._free_from_ns = None, None
+        if daemon is not None and not daemon.stop():
+            self.hung_stops += 1
+
+    def close(self) -> None:
+        """End everything that runs."""
+        self.around.end_programs()
+        self.stop()
+        self.adapter.unplug()
+
+    def rig_late(self) -> int:
+        """Return how many frames the rig itself failed to render in time since the daemon's start."""
+        return self._running().order(None).rig_late
+
+    # Faults
+
+    def inject(self, fault: Fault) -> None:
+        """Let the fault begin."""
+        self._act(fault, inject=True)
+
+    def clear(self, fault: Fault) -> None:
+        """Take its cause away."""
+        self._act(fault, inject=False)
+
+    def _act(self, fault: Fault, *, inject: bool) -> None:
+        if isinstance(fault.act, Outside):
+            (fault.act.inject if inject else fault.act.clear)(self.around)
+        elif isinstance(fault.act, Tamper):
+            self._running().order(Order(fault.name, inject))
+        else:
+            raise TypeError(f"{fault.name} does not come and go while the daemon runs")
+
+    def _running(self) -> DaemonProcess:
+        if self._daemon is None:
+            raise UserError("no daemon is under test")
+        return self._daemon
+
+    # Listening
+
+    def listen(self, timeout_s: float, until: Callable[[], bool] = lambda: False) -> bool:
+        """Serve the bus and hear the outlets for `timeout_s`, or until `until`; return whether that came."""
+        end_s = time.monotonic() + timeout_s
+        while not (reached := until()) and time.monotonic() < end_s:
+            for frame in self.adapter.serve(_SERVE_S):
+                self.listener.hear_can(frame)
+            self.listener.take()
+        return reached
+
+    def settle(self, *, in_motion: bool) -> bool:
+        """Listen until the ground is steadily valid, in the middle of a walk if `in_motion`.
+
+        A daemon that does not come to that is started anew. Return whether it came to it.
+        """
+        if self._daemon is None or not self._daemon.alive:
+            self.start(self.plan)
+        if not self.await_steady():
+            self.start(self.plan)
+            if not self.await_steady():
+                return False
+        if in_motion:
+            self.listen(self._patience_s, lambda: self._walks_on() and self._is_steady(0))
+        self.look()
+        return True
+
+    def await_steady(self) -> bool:
+        """Listen until the ground is steadily valid; return whether it came to that."""
+        since_ns = self._free_from_ns or time.monotonic_ns()
+        return self.listen(self._patience_s, lambda: self._is_steady(since_ns))
+
+    def counted(self) -> Counter[str]:
+        """Return the daemon's own counters as last heard."""
+        return self.listener.counted()
+
+    def walked_s(self, from_ns: int, to_ns: int) -> float:
+        """Return how long the wearer walked between two instants."""
+        grid_ns = np.arange(from_ns, to_ns, round(_GRID_S * 1e9))
+        if len(grid_ns) == 0:
+            return 0.0
+        return float((~self._wearer.gait.at(grid_ns).standing).mean()) * 1e-9 * (to_ns - from_ns)
+
+    def _is_steady(self, since_ns: int) -> bool:
+        right = not any(a.wrong for a in islice(reversed(self.listener.attitudes), _STEADY_ATTITUDES))
+        return right and is_steady(self.listener.grounds, since_ns, _STEADY_FRAMES, time.monotonic_ns())
+
+    def _walks_on(self) -> bool:
+        now_ns = time.monotonic_ns()
+        return self.walked_s(now_ns, now_ns + round(_WALK_AHEAD_S * 1e9)) > _WALK_AHEAD_S - _GRID_S
+
+    # Fault-free time and the process
+
+    def begin_free(self) -> None:
+        """Count what is heard from now on as fault-free."""
+        self._free_from_ns, self._late_then = time.monotonic_ns(), self.rig_late()
+
+    def end_free(self) -> None:
+        """End the fault-free time; one in which the rig lost frames proves nothing and is left out."""
+        t_ns = time.monotonic_ns()
+        from_ns, self._free_from_ns = self._free_from_ns, None
+        if from_ns is None or self.rig_late() != self._late_then:
+            return
+        heard = [h for h in self.listener.grounds if from_ns < h.t_ns <= t_ns]
+        self.free.seconds += 1e-9 * (t_ns - from_ns)
+        self.free.frames += len(heard)
+        self.free.valid += sum(h.valid for h in heard)
+        self.free.wrong += sum(h.errors.wrong for h in heard)
+        self.free.stale += sum(h.stale for h in heard)
+        self.free.wrong_attitudes += sum(a.wrong for a in self.listener.attitudes if from_ns < a.t_ns <= t_ns)
+
+    def look(self) -> Process:
+        """Return how large the process is, beside the first look; of all processes the longest-lived one is told."""
+        pid, now_s = self._running().pid, time.monotonic()
+        mb, running, files = resident_mb(pid), threads(pid), open_files(pid)
+        now = Process(seconds=0.0, memory_mb=(mb, mb), threads=(running, running), open_files=(files, files))
+        if self._first_look is None:
+            self._first_look, self._looked_s = now, now_s
+        lived = now.since(self._first_look, now_s - self._looked_s)
+        if self.longest is None or lived.seconds >= self.longest.seconds:
+            self.longest = lived
+        return lived
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port: int = server.getsockname()[1]
+    return port

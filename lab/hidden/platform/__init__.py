@@ -1,0 +1,3 @@
+from lab.hidden.platform.cases import EFFECTS, LOOK_ALIKES, OUTSIDE, PAIRS, SIZES, write
+
+__all__ = ["EFFECTS", "LOOK_ALIKES", "OUTSIDE", "PAIRS", "SIZES", "write"]

@@ -1,0 +1,230 @@
+"""What can be hidden in a platform recording, how large it is drawn, and which parameters tell it."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from impedance.body.rigid_body import Array
+from lab.hidden.case import Sizes, log_uniform, sign
+
+CHANNELS: Final = ("fx", "fy", "fz", "tx", "ty", "tz")
+_AXES: Final = ("z", "x")
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """All that is wrong with a unit; without arguments nothing is.
+
+    `play`, `limit` are (channel, share): of the channel's standard deviation, and of its largest reading, in the fit
+    recording. `tape_seen` is the share of the foot's rocking that its markers show. `outside` is a mechanism of no
+    library with its size.
+    """
+
+    delay_s: float = 0.0
+    lag_s: float = 0.0
+    drift: float = 0.0
+    smoothing_hz: float = np.inf
+    jumps: bool = False
+    matrix: Array = field(default_factory=lambda: np.eye(6))
+    height_m: float = 0.0
+    turn_rad: Array = field(default_factory=lambda: np.zeros(3))
+    foot_marker_m: Array = field(default_factory=lambda: np.zeros(3))
+    joint_m: Array = field(default_factory=lambda: np.zeros(3))
+    spring_nmprad: Array = field(default_factory=lambda: np.zeros(2))
+    damper_nmsprad: Array = field(default_factory=lambda: np.zeros(2))
+    friction_nm: Array = field(default_factory=lambda: np.zeros(2))
+    masses: tuple[tuple[float, Array], ...] = ()
+    play: tuple[int, float] | None = None
+    limit: tuple[int, float] | None = None
+    tape_hz: tuple[float, float] = (np.inf, np.inf)
+    tape_zeta: float = 0.0
+    tape_seen: float = 1.0
+    tare: Array = field(default_factory=lambda: np.zeros(6))
+    step: tuple[float, float] = (0.0, 0.0)
+    lost_share: float = 0.0
+    position_scale: float = 0.0
+    outside: tuple[str, float] | None = None
+
+
+SIZES: Final[Mapping[str, Sizes]] = {
+    "force_delay": Sizes(1e-4, 5e-3, "s"),
+    "force_lag": Sizes(1e-4, 5e-3, "s"),
+    "motion_smoothing": Sizes(30.0, 60.0, "Hz"),
+    "aliasing": Sizes(28.0, 70.0, "Hz"),
+    "force_gain": Sizes(0.003, 0.1, "1"),
+    "crosstalk": Sizes(0.003, 0.05, "1"),
+    "reference_height": Sizes(0.005, 0.03, "m"),
+    "plate_rotation": Sizes(float(np.deg2rad(0.2)), float(np.deg2rad(5.0)), "rad"),
+    "foot_marker_offset": Sizes(0.002, 0.02, "m"),
+    "joint_offset": Sizes(0.002, 0.015, "m"),
+    "parallel_spring": Sizes(30.0, 1000.0, "N·m/rad"),
+    "parallel_damping": Sizes(0.5, 20.0, "N·m·s/rad"),
+    "coulomb_friction": Sizes(0.2, 5.0, "N·m"),
+    "hidden_mass": Sizes(0.1, 1.0, "kg"),
+    "backlash": Sizes(0.05, 0.4, "of the channel's deviation"),
+    "tape_compliance": Sizes(30.0, 150.0, "Hz"),
+    "tare_error": Sizes(0.5, 10.0, "N or 0.2 N·m"),
+    "clock_drift": Sizes(2e-5, 1e-3, "1"),
+    "saturation": Sizes(0.4, 0.85, "of the largest reading"),
+    "quantisation": Sizes(6.0, 25.0, "N or 0.25 N·m"),
+    "dropped_samples": Sizes(0.003, 0.1, "of all samples"),
+    "position_scale": Sizes(0.002, 0.03, "1"),
+    "mains_hum": Sizes(0.05, 0.3, "of the channel"),
+    "warming_gain": Sizes(0.03, 0.15, "per minute"),
+    "creep": Sizes(0.02, 0.1, "1"),
+    "knocking_foot": Sizes(0.05, 0.3, "of the channel's deviation"),
+    "cubic_gain": Sizes(0.03, 0.15, "at two deviations"),
+    "marker_wobble": Sizes(25.0, 45.0, "Hz"),
+    "stamp_jitter": Sizes(3e-4, 1.5e-3, "s"),
+    "product_crosstalk": Sizes(0.02, 0.15, "of the channel's deviation"),
+}
+EFFECTS: Final = tuple(SIZES)[:22]
+OUTSIDE: Final = tuple(SIZES)[22:]
+"""Hum of 50 Hz that grows with the force, gain that follows temperature, creep of the load cells, a loose foot that
+knocks at each reversal, a cubic gain, plate markers on a springy mast, jittering stamps, and a channel that shows the
+product of two others."""
+NEEDS_FOOT: Final = ("tape_compliance", "foot_marker_offset", "knocking_foot")
+NEEDS_KNOWN_PLATE: Final = ("hidden_mass", "quantisation")
+"""A rigid mass is what a body's unknown inertia says anyway. Rounding shows below a foot's forces only where it is
+coarser than what the noise of the angles makes of them."""
+_TOLD_BY: Final = ("fx", "fy", "fz", "tx", "tz")
+"""The plate hardly turns about y: no recording tells what is wrong with a moment of a few tenths of a newton metre."""
+
+Drawn = tuple[dict[str, object], dict[str, float]]
+"""Fields of `Hidden`, and parameters as a verdict names them."""
+
+
+def drawn(effect: str, size: float, random: np.random.Generator) -> Drawn:
+    """Return what hides `effect` of a drawn `size`, and the truth of its parameters that are known beforehand."""
+    if effect in OUTSIDE:
+        return {"outside": (effect, size)}, {}
+    return _DRAWS[effect](size, random)
+
+
+def together(fields: Sequence[Mapping[str, object]]) -> Hidden:
+    """Return what several effects hide together."""
+    hidden = Hidden()
+    for each in fields:
+        matrix = hidden.matrix + each.get("matrix", np.eye(6)) - np.eye(6)  # type: ignore[operator]
+        hidden = replace(hidden, **{**each, "matrix": matrix})
+    return hidden
+
+
+def _channel(random: np.random.Generator, among: tuple[str, ...] = _TOLD_BY) -> str:
+    return str(random.choice(among))
+
+
+def _signed(field_name: str, parameter: str) -> Callable[[float, np.random.Generator], Drawn]:
+    def draw(size: float, random: np.random.Generator) -> Drawn:
+        value = sign(random) * size
+        return {field_name: value}, {parameter: value}
+
+    return draw
+
+
+def _plain(field_name: str, parameter: str) -> Callable[[float, np.random.Generator], Drawn]:
+    return lambda size, _: ({field_name: size}, {parameter: size})
+
+
+def _gain(size: float, random: np.random.Generator) -> Drawn:
+    name, value = _channel(random), sign(random) * size
+    matrix = np.eye(6)
+    matrix[CHANNELS.index(name), CHANNELS.index(name)] += value
+    return {"matrix": matrix}, {name: value}
+
+
+def _crosstalk(size: float, random: np.random.Generator) -> Drawn:
+    of, source = (str(name) for name in random.choice(_TOLD_BY, 2, replace=False))
+    value = sign(random) * size
+    matrix = np.eye(6)
+    matrix[CHANNELS.index(of), CHANNELS.index(source)] += value
+    return {"matrix": matrix}, {f"{of}_from_{source}": value}
+
+
+def _along(field_name: str, unit: str) -> Callable[[float, np.random.Generator], Drawn]:
+    def draw(size: float, random: np.random.Generator) -> Drawn:
+        axis, value = int(random.integers(3)), sign(random) * size
+        vector = np.zeros(3)
+        vector[axis] = value
+        return {field_name: vector}, {f"{'xyz'[axis]}_{unit}": value}
+
+    return draw
+
+
+def _strap(field_name: str, unit: str) -> Callable[[float, np.random.Generator], Drawn]:
+    def draw(size: float, random: np.random.Generator) -> Drawn:
+        axes = [(0,), (1,), (0, 1)][int(random.integers(3))]
+        values = np.zeros(2)
+        values[axes[0]] = size
+        if len(axes) == 2:
+            values[1] = size * random.uniform(0.5, 1.0)
+        return {field_name: values}, {f"{_AXES[axis]}_{unit}": float(values[axis]) for axis in axes}
+
+    return draw
+
+
+def _mass(size: float, random: np.random.Generator) -> Drawn:
+    place = random.uniform((-0.2, -0.05, -0.12), (0.2, 0.1, 0.12))
+    told = dict(zip(("x_m", "y_m", "z_m"), place.tolist(), strict=True))
+    return {"masses": ((size, place),)}, {"mass_kg": size, **told}
+
+
+def _play(size: float, random: np.random.Generator) -> Drawn:
+    name = _channel(random, ("fx", "fz", "tx", "tz"))
+    return {"play": (CHANNELS.index(name), size)}, {name: np.nan}
+
+
+def _limit(size: float, random: np.random.Generator) -> Drawn:
+    name = _channel(random, ("fx", "fz", "tx", "tz"))
+    return {"limit": (CHANNELS.index(name), size)}, {name: np.nan}
+
+
+def _tape(size: float, random: np.random.Generator) -> Drawn:
+    which = int(random.integers(3))
+    other = float(np.clip(size * log_uniform(random, 0.7, 1.4), 30.0, 150.0))
+    hz = ((size, np.inf), (np.inf, size), (size, other))[which]
+    zeta = log_uniform(random, 0.03, 0.15)
+    told = {f"{axis}_hz": value for axis, value in zip(_AXES, hz, strict=True) if np.isfinite(value)}
+    return {"tape_hz": hz, "tape_zeta": zeta, "tape_seen": float(random.integers(2))}, told
+
+
+def _tare(size: float, random: np.random.Generator) -> Drawn:
+    name, value = _channel(random, CHANNELS), sign(random) * size
+    tare = np.zeros(6)
+    tare[CHANNELS.index(name)] = value if name[0] == "f" else 0.2 * value
+    return {"tare": tare}, {name: float(tare[CHANNELS.index(name)])}
+
+
+def _rounding(size: float, random: np.random.Generator) -> Drawn:
+    which = int(random.integers(3))
+    step = ((size, 0.0), (0.0, 0.25 * size), (size, 0.25 * size))[which]
+    told = {name: value for name, value in zip(("force_n", "torque_nm"), step, strict=True) if value > 0.0}
+    return {"step": step}, told
+
+
+_DRAWS: Final[Mapping[str, Callable[[float, np.random.Generator], Drawn]]] = {
+    "force_delay": _signed("delay_s", "value_s"),
+    "force_lag": _plain("lag_s", "value_s"),
+    "motion_smoothing": _plain("smoothing_hz", "value_hz"),
+    "aliasing": lambda size, _: ({"jumps": True}, {"update_hz": size}),
+    "force_gain": _gain,
+    "crosstalk": _crosstalk,
+    "reference_height": _signed("height_m", "value_m"),
+    "plate_rotation": _along("turn_rad", "rad"),
+    "foot_marker_offset": _along("foot_marker_m", "m"),
+    "joint_offset": _along("joint_m", "m"),
+    "parallel_spring": _strap("spring_nmprad", "nmprad"),
+    "parallel_damping": _strap("damper_nmsprad", "nmsprad"),
+    "coulomb_friction": _strap("friction_nm", "nm"),
+    "hidden_mass": _mass,
+    "backlash": _play,
+    "tape_compliance": _tape,
+    "tare_error": _tare,
+    "clock_drift": _signed("drift", "rate"),
+    "saturation": _limit,
+    "quantisation": _rounding,
+    "dropped_samples": lambda size, _: ({"lost_share": size}, {"held": 1.0}),
+    "position_scale": _signed("position_scale", "value"),
+}

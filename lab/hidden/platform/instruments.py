@@ -1,0 +1,65 @@
+"""What instruments make of what happened: delays by splines, filters by difference equations, play step by step."""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, firwin, lfilter, sosfiltfilt, upfirdn
+
+from impedance.body.rigid_body import Array
+from lab.hidden.platform.mechanics import OVERSAMPLING, RATE_HZ, SETTLE_S, STEP_S
+
+_ANTI_ALIAS_TAPS: Final = 401
+_ANTI_ALIAS_HZ: Final = 145.0
+_PRESLIDING_RAD: Final = 2e-5
+
+
+def sampled(fine: Array, count: int, *, raw: bool = False) -> Array:
+    """Return `count` samples (c, n) at 350 Hz from zero on, behind a linear-phase low pass, or without it if `raw`."""
+    first = round(SETTLE_S / STEP_S)
+    if raw:
+        return fine[:, first::OVERSAMPLING][:, :count]
+    half = _ANTI_ALIAS_TAPS // 2
+    taps = firwin(_ANTI_ALIAS_TAPS, _ANTI_ALIAS_HZ, window=("kaiser", 8.0), fs=1.0 / STEP_S)
+    kept: Array = upfirdn(taps, fine[:, first - half :], down=OVERSAMPLING, axis=1)
+    skipped = 2 * half // OVERSAMPLING
+    return kept[:, skipped : skipped + count]
+
+
+def warped(fine: Array, t_s: Array, at_s: Callable[[Array], Array]) -> Array:
+    """Return values (c, n), known at `t_s`, at the times that `at_s` makes of those: a cubic spline between them."""
+    found: Array = CubicSpline(t_s, fine, axis=1)(np.clip(at_s(t_s), t_s[0], t_s[-1]))
+    return found
+
+
+def lagging(fine: Array, lag_s: float) -> Array:
+    """Return values (c, n) behind a first-order lag: lag y' = x − y by the trapezoidal rule."""
+    a = 2.0 * lag_s / STEP_S
+    y: Array = lfilter([1.0, 1.0], [1.0 + a, 1.0 - a], fine, axis=1)
+    return y
+
+
+def smoothed(poses: Array, cutoff_hz: float) -> Array:
+    """Return poses (c, n) at 350 Hz behind a Butterworth filter of second order, run forth and back."""
+    y: Array = sosfiltfilt(butter(2, cutoff_hz, fs=RATE_HZ, output="sos"), poses, axis=1)
+    return y
+
+
+def followed(x: Array, play: float) -> Array:
+    """Return what a part (n,) does that is moved through a play, step by step."""
+    place, half = float(x[0]), 0.5 * play
+    way = []
+    for value in x.tolist():
+        if value - place > half:
+            place = value - half
+        elif place - value > half:
+            place = value + half
+        way.append(place)
+    return np.array(way)
+
+
+def rubbed(angle_rad: Array, friction_nm: float) -> Array:
+    """Return the moment (n,) that dry friction takes: a spring that slips at `friction_nm`, stiff before it does."""
+    slip = angle_rad - followed(angle_rad, 2.0 * _PRESLIDING_RAD)
+    return friction_nm * slip / _PRESLIDING_RAD

@@ -1,0 +1,255 @@
+"""The attitude of the IMU from its own samples: start, rest, gaps and validity around the equations of the filter."""
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from messages import Quaternion, Reason, Residual, Status, Vec3
+from perception import so3, vec3
+from perception.attitude.kalman import AttitudeKalman
+from perception.attitude.rest import Rest
+from perception.attitude.state import AttitudeSettings, AttitudeState, Checkpoint, Levelling, Sample
+from perception.so3 import Array
+
+__all__ = ["AttitudeFilter", "AttitudeSettings", "AttitudeState"]
+
+
+class AttitudeFilter:
+    """Attitude, angular rate and sensor errors of the IMU, one calibrated sample at a time.
+
+    `residual` is what the unit's calibration left behind, 1 σ: it bounds how far the accelerometer's bias and the
+    gyroscope's matrix may be re-estimated, and how well the vertical can be known.
+
+    It starts from the first second of rest or, without one, from the motion of that second, with a covariance that
+    admits it. After a gap longer than `gap_s` it goes on from how the IMU usually hangs on its wearer, and starts over
+    where the samples refute that. What rest taught in the moments before a walk was noticed is taken back.
+    """
+
+    def __init__(self, settings: AttitudeSettings, residual: Residual) -> None:
+        self.settings = settings
+        self._kalman = AttitudeKalman(settings, residual)
+        self._state = self._kalman.new_state()
+
+    def save(self) -> AttitudeState:
+        """Return a copy of the state; a filter of the same settings that restores it goes on as this one would."""
+        return copy.deepcopy(self._state)
+
+    def restore(self, state: AttitudeState) -> None:
+        """Go on from `state`."""
+        self._state = copy.deepcopy(state)
+
+    def forget(self) -> None:
+        """Start afresh, as before the first sample: attitude, motion and the sensors' errors are unknown again."""
+        self._state = self._kalman.new_state()
+
+    def turn(self, since: Sequence[Sample]) -> None:
+        """Go on from the vertical that the gyroscope alone carries through the samples `since` the state, all valid.
+
+        Of the motion nothing is left: what the accelerometer told meanwhile counts for nothing.
+        """
+        self._state = self._kalman.turned(self._state, since)
+
+    @property
+    def q_WB(self) -> Quaternion:
+        """Return the attitude (w, x, y, z; w ≥ 0) at the last sample; NaN before the start."""
+        return so3.positive(self._state.q_WB)
+
+    @property
+    def R_WB(self) -> Array:
+        """Return the attitude at the last sample, (3, 3); NaN before the start."""
+        return so3.matrix_from_quaternion(self._state.q_WB)
+
+    @property
+    def w_WB_B(self) -> Vec3:
+        """Return the last sample's angular rate, rad/s, without bias and matrix error; NaN before the start."""
+        if not self._state.started:
+            return (math.nan, math.nan, math.nan)
+        return self._kalman.rate(self._state, self._state.w_measured)
+
+    @property
+    def bob_mps(self) -> float:
+        """Return how fast the IMU rises at the last sample, m/s, about the mean of the walk; 0 before the start."""
+        return self._state.v_W[2] - self._state.drift_W[2]
+
+    @property
+    def gyro_bias(self) -> Vec3:
+        """Return the gyroscope's bias in B, rad/s; zero until the first start."""
+        return self._state.gyro_bias
+
+    @property
+    def rotation_cov_W(self) -> Array:
+        """Return the covariance (3, 3), rad², of the small rotation in W between the estimate and the truth.
+
+        The tilt is never claimed better than the calibration's residual of the accelerometer allows, whatever the
+        motion seems to tell about it. Yaw counts from the start. NaN before it.
+        """
+        if not self._state.started:
+            return np.full((3, 3), math.nan)
+        return self._kalman.rotation_cov_W(self._state)
+
+    @property
+    def at_rest(self) -> bool:
+        """Return whether the wearer stands, swaying no more than one does."""
+        return self._state.resting
+
+    @property
+    def status(self) -> Status:
+        """Return VALID while the tilt is known, from samples, to `usable_tilt_rad`, 1 σ."""
+        if self.reason is Reason.NONE:
+            return Status.VALID
+        return Status.INVALID if self.reason is Reason.NO_IMU else Status.INITIALISING
+
+    @property
+    def reason(self) -> Reason:
+        """Return why the status is not VALID."""
+        state = self._state
+        if state.clipped_s > self.settings.longest_clipping_s:
+            return Reason.NO_IMU
+        if state.levelling is None and self._kalman.knows_tilt(state, self.settings.usable_tilt_rad):
+            return Reason.NONE
+        return state.doubt if state.started or state.doubt is Reason.NO_IMU else Reason.STARTING
+
+    def update(self, t_ns: int, sf_B: Vec3, w_B: Vec3, clipped: bool = False) -> None:
+        """Take one calibrated sample: specific force in m/s² and angular rate in rad/s, in B, at `t_ns`.
+
+        Raises ValueError, and changes nothing, where a value is not finite or time does not advance.
+        """
+        last_ns = self._state.t_ns
+        if not all(map(math.isfinite, (*sf_B, *w_B))):
+            raise ValueError(f"IMU sample at {t_ns} ns: sf_B {sf_B} m/s² and w_B {w_B} rad/s must be finite")
+        if last_ns is not None and t_ns <= last_ns:
+            raise ValueError(f"IMU sample at {t_ns} ns: must be later than the one before it, at {last_ns} ns")
+        sample = Sample(t_ns, sf_B, w_B, clipped)
+        rested = self._state.resting
+        self._take(sample)
+        self._remember(sample)
+        if rested and not self._state.resting:
+            self._take_back()
+
+    def _take(self, sample: Sample) -> None:
+        self._bound_clipping(sample)
+        state, settings = self._state, self.settings
+        dt_s = 0.0 if state.t_ns is None else 1e-9 * (sample.t_ns - state.t_ns)
+        if state.t_ns is None or dt_s > settings.gap_s:
+            state = self._begin(sample, dt_s)
+            dt_s = 0.0
+        state.t_ns = sample.t_ns
+        if sample.clipped:
+            state.doubt = Reason.NO_IMU
+        if sample.clipped or dt_s > settings.notice_s / 2:
+            state.rest, state.unproven_s = Rest(), settings.unproven_s  # a walk may have begun unseen
+        state.rest.update(settings.rest, sample.sf_B, sample.w_B, dt_s)
+        rested = state.resting
+        if not state.started:
+            state.sf_measured, state.w_measured, state.usual_step_s = sample.sf_B, sample.w_B, dt_s
+        elif dt_s > 0.0:
+            self._kalman.integrate(state, sample, dt_s)
+        if not rested and self._rest_tells_more(state):
+            self._kalman.start_at_rest(state)
+            state.levelling = None
+        elif state.levelling is not None:
+            self._level(state, state.levelling, sample, dt_s)
+        elif self._kalman.knows_tilt(state, settings.usable_tilt_rad):
+            state.habit.update(settings.habit, self._up_B, dt_s)
+
+    def _bound_clipping(self, sample: Sample) -> None:
+        """Remember what was before samples were clipped; go back to that where it lasted for too long."""
+        state = self._state
+        if sample.clipped and state.before_clipping is None and state.t_ns is not None:
+            state.before_clipping = copy.deepcopy(replace(state, checkpoints=[]))
+        elif not sample.clipped and state.before_clipping is not None:
+            if state.clipped_s > self.settings.longest_clipping_s:
+                self._state = state.before_clipping
+            state.before_clipping = None
+
+    def _rest_tells_more(self, state: AttitudeState) -> bool:
+        """Return whether a rest just noticed tells the vertical better than all before it."""
+        return self._kalman.at_rest(state) and not self._kalman.knows_tilt(state, self.settings.usable_tilt_rad / 2)
+
+    def _begin(self, sample: Sample, gap_s: float) -> AttitudeState:
+        """Go on from how the IMU usually hangs, if that tells more than the motion to come; else wait for that."""
+        settings, before = self.settings, self._state
+        if before.t_ns is not None:
+            before.doubt = Reason.NO_IMU
+        before = self._kalman.forgotten(before, gap_s)
+        state = self._state = self._kalman.forgotten(before, 0.0)
+        state.levelling = Levelling(before)
+        state.sf_measured, state.w_measured = sample.sf_B, sample.w_B
+        tilt_rad = state.habit.tilt_rad(settings.habit, gap_s)
+        if tilt_rad < settings.moving_start_tilt_rad:
+            mean_up_B = state.habit.mean_up_B
+            state.levelling.assumed_up_S = vec3.scaled(mean_up_B, 1.0 / math.hypot(*mean_up_B))
+            state.levelling.assumed_var = tilt_rad**2
+            self._kalman.start_in_motion(state, state.habit.mean_up_B, tilt_rad)
+        return state
+
+    def _level(self, state: AttitudeState, levelling: Levelling, sample: Sample, dt_s: float) -> None:
+        """Gather the motion until it tells the vertical, by itself or by confirming the habit."""
+        settings = self.settings
+        levelling.since.append(sample)
+        levelling.elapsed_s += dt_s
+        turned = vec3.scaled(self._kalman.rate(state, sample.w_B), dt_s)
+        levelling.q_SB = so3.multiply(levelling.q_SB, so3.quaternion_from_rotvec(turned))
+        sf_S = so3.transform(so3.rows_from_quaternion(levelling.q_SB), sample.sf_B)
+        levelling.sum_sf_S = vec3.plus_scaled(levelling.sum_sf_S, sf_S, dt_s)
+        if not state.started:
+            if levelling.elapsed_s >= settings.rest.time_s:
+                self._start_over(state, levelling)
+            return
+        known = self._kalman.knows_tilt(state, settings.usable_tilt_rad)
+        refuted = (known or levelling.elapsed_s >= settings.rest.time_s) and self._is_refuted(state, levelling)
+        if refuted or levelling.elapsed_s >= settings.doubt_s:
+            self._start_over(state, levelling)
+        elif known:
+            state.levelling = None
+
+    def _is_refuted(self, state: AttitudeState, levelling: Levelling) -> bool:
+        """Return whether the samples moved the vertical farther from where habit had it than they were likely to.
+
+        Independent of each other, what is assumed and what is then known differ by the difference of their variances.
+        """
+        if levelling.assumed_up_S is None:
+            return False
+        up_S = so3.transform(so3.rows_from_quaternion(levelling.q_SB), self._up_B)
+        known_var = state.covariance[0, 0] + state.covariance[1, 1]
+        likely_var = max(0.0, 2.0 * levelling.assumed_var - known_var)
+        return bool(math.dist(up_S, levelling.assumed_up_S) > self.settings.refuted_sigmas * math.sqrt(likely_var))
+
+    def _start_over(self, state: AttitudeState, levelling: Levelling) -> None:
+        """Start in motion at the first sample, level by the mean specific force, and go through all since again."""
+        first = levelling.since[0]
+        again = self._state = self._kalman.forgotten(levelling.before, 0.0)
+        again.sf_measured, again.w_measured, again.usual_step_s = first.sf_B, first.w_B, state.usual_step_s
+        up_S = vec3.minus(vec3.scaled(levelling.sum_sf_S, 1.0 / levelling.elapsed_s), again.sf_bias)
+        self._kalman.start_in_motion(again, up_S, self.settings.moving_start_tilt_rad)
+        for before, sample in pairwise(levelling.since):
+            self._kalman.integrate(again, sample, 1e-9 * (sample.t_ns - before.t_ns))
+        again.t_ns, again.rest = state.t_ns, state.rest
+
+    @property
+    def _up_B(self) -> Vec3:
+        return so3.rows_from_quaternion(self._state.q_WB)[6:9]
+
+    def _remember(self, sample: Sample) -> None:
+        """At rest keep the states of one and two `notice_s` ago, and the samples since."""
+        state = self._state
+        for checkpoint in state.checkpoints:
+            checkpoint.since.append(sample)
+        if state.resting:
+            newest_ns = state.checkpoints[-1].state.t_ns if state.checkpoints else None
+            if newest_ns is None or sample.t_ns - newest_ns >= 1e9 * self.settings.notice_s:
+                now = copy.deepcopy(replace(state, checkpoints=[]))
+                state.checkpoints = [*state.checkpoints[-1:], Checkpoint(now)]
+
+    def _take_back(self) -> None:
+        """Go over the last moments again, without rest: a walk had begun before it was noticed."""
+        if self._state.checkpoints:
+            past = self._state.checkpoints[0]
+            self._state = past.state
+            self._state.rest, self._state.resting = Rest(), False
+            for sample in past.since:
+                self._take(sample)

@@ -1,0 +1,309 @@
+"""The equations of the attitude filter: a complementary filter on SO(3) with optimal gains.
+
+The gyroscope is integrated on SO(3). What pulls the result to the vertical is that a wearer's velocity stays bounded:
+the integral of specific force minus gravity cannot run away from the drift of a walk, which turns with the wearer and
+changes slowly. An error-state Kalman filter weighs the two. Every sample counts: a gate on the length of the specific
+force would spoil the mean of the accelerations, which carries the vertical. How closely the velocity keeps to the
+drift follows from its own swing about it, and from rest.
+
+Estimates, and their errors (true = estimate ⊕ error), θ, v and u in W and right-invariant, so that (3) holds in any
+motion:
+
+    R_WB ← R_WB exp(w dt),  w = (1 − M) w_measured − b                              (1)
+    v̇_W = R_WB (sf_measured − a) − g e_z,   u̇_W = w_z e_z × u − u / τ + n_u         (2)
+    θ̇ = −R_WB (δb + δM w_measured) + n_w,   δv̇ = g θ × e_z − R_WB δa + n_a          (3)
+    v = u + n_v,   at rest also   w = n_r                                           (4)
+
+b, M: gyroscope's bias, and scale and misalignment; a: accelerometer's bias; u: drift, or sway at rest. The yaw of W is
+arbitrary, and (4) never pretends to know it: turning everything about e_z changes no measurement. Invariant error:
+Barrau, Bonnabel, IEEE TAC 62(4), 2017.
+"""
+
+import math
+import operator
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from messages import Residual, Vec3
+from perception import so3, vec3
+from perception.attitude.rest import Rest
+from perception.attitude.state import AttitudeSettings, AttitudeState, Sample, Step
+from perception.so3 import Array
+
+SIZE = 24
+ROTATION, GYRO_BIAS, VELOCITY, DRIFT, SF_BIAS, GYRO_MATRIX = (
+    slice(0, 3),
+    slice(3, 6),
+    slice(6, 9),
+    slice(9, 12),
+    slice(12, 15),
+    slice(15, 24),
+)
+"""Where each error stands in the error state; the gyroscope's matrix row by row."""
+
+_I = np.eye(SIZE)
+_DIAGONAL = np.diag_indices(SIZE)
+_RATE_IS_ZERO = _I[GYRO_BIAS]
+_SWING_IS_ZERO = _I[VELOCITY] - _I[DRIFT]
+_RATE_AND_SWING_ARE_ZERO = np.vstack((_RATE_IS_ZERO, _SWING_IS_ZERO))
+"""What (4) measures of the error state, each (rows, 24)."""
+
+_CROSS_UP = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+"""θ × e_z = _CROSS_UP θ."""
+
+_FAR = 3.0
+"""Standard deviations beyond which a velocity belongs to another motion."""
+
+_STEP_GAIN = 0.05
+"""Share by which the usual time between samples follows each one."""
+
+
+class AttitudeKalman:
+    """(1) to (4) on an AttitudeState, which each method brings up to date; nothing is remembered here."""
+
+    def __init__(self, settings: AttitudeSettings, residual: Residual) -> None:
+        self.settings = settings
+        sf_bias_mps2 = math.hypot(residual.specific_force_mps2, residual.scale * settings.gravity_mps2)
+        self._initial_var = np.zeros(SIZE)
+        self._initial_var[GYRO_BIAS] = settings.gyro_bias_radps**2
+        self._initial_var[SF_BIAS] = sf_bias_mps2**2
+        self._initial_var[GYRO_MATRIX] = residual.scale**2
+        self._walk_density = np.zeros(SIZE)
+        self._walk_density[ROTATION] = settings.gyro_noise_radps_rthz**2
+        self._walk_density[GYRO_BIAS] = settings.gyro_bias_walk_radps_rts**2
+        self._walk_density[VELOCITY] = settings.sf_noise_mps2_rthz**2
+        self._walk_density[SF_BIAS] = settings.sf_bias_walk_mps2_rts**2
+        self._least_tilt_var = (residual.specific_force_mps2 / settings.gravity_mps2) ** 2
+        self._rotation_per_square_rate = residual.scale**2 * settings.gyro_scale_time_s
+        self._velocity_per_square_acceleration = residual.scale**2 * settings.sf_scale_time_s
+        self._sway_density = np.repeat((settings.sway_rate_radps_rts**2, settings.sway_swing_mps_rts**2), 3)
+
+    def new_state(self) -> AttitudeState:
+        """Return the state before the first sample."""
+        return AttitudeState(np.diag(self._initial_var))
+
+    def forgotten(self, state: AttitudeState, gap_s: float) -> AttitudeState:
+        """Return the state before the first sample after `gap_s` without: of the motion nothing is left, of the
+        sensors' errors and the wearer's habit all."""
+        return AttitudeState(
+            state.covariance + np.diag(self._walk_density * gap_s),
+            usual_step_s=state.usual_step_s,
+            gyro_bias=state.gyro_bias,
+            sf_bias=state.sf_bias,
+            gyro_matrix=state.gyro_matrix,
+            doubt=state.doubt,
+            habit=replace(state.habit),
+        )
+
+    def turned(self, state: AttitudeState, since: Sequence[Sample]) -> AttitudeState:
+        """Return the state after the samples `since` a started one, by the gyroscope alone: (1), and no motion known.
+
+        The tilt's variance grows by that of the bias, the matrix and the noise over all that was turned.
+        """
+        settings, q_WB, w_before, t_ns = self.settings, state.q_WB, state.w_measured, state.t_ns
+        elapsed_s, path_rad2, net_rad = 0.0, 0.0, vec3.ZERO
+        for sample in since:
+            dt_s = 0.0 if t_ns is None else 1e-9 * (sample.t_ns - t_ns)
+            turned = vec3.scaled(self.rate(state, vec3.between(w_before, sample.w_B, 0.5)), dt_s)
+            q_WB = so3.multiply(q_WB, so3.quaternion_from_rotvec(turned))
+            elapsed_s, net_rad = elapsed_s + dt_s, vec3.plus_scaled(net_rad, turned, 1.0)
+            path_rad2 += self._rotation_per_square_rate * vec3.square(sample.w_B) * dt_s
+            t_ns, w_before = sample.t_ns, sample.w_B
+        P = state.covariance
+        bias_var = float(np.diag(P[GYRO_BIAS, GYRO_BIAS]).max()) * elapsed_s**2
+        matrix_var = float(np.diag(P[GYRO_MATRIX, GYRO_MATRIX]).max()) * vec3.square(net_rad)
+        noise_var = settings.gyro_noise_radps_rthz**2 * elapsed_s
+        tilt_var = max(P[0, 0], P[1, 1]) + bias_var + matrix_var + path_rad2 + noise_var
+        after = self.forgotten(state, elapsed_s)
+        after.t_ns, after.w_measured, after.sf_measured = t_ns, w_before, since[-1].sf_B
+        self.start_in_motion(after, so3.rows_from_quaternion(q_WB)[6:9], math.sqrt(tilt_var))
+        return after
+
+    def rate(self, state: AttitudeState, w_measured: Vec3) -> Vec3:
+        """Return w of (1) in rad/s."""
+        return vec3.minus(vec3.minus(w_measured, so3.transform(state.gyro_matrix, w_measured)), state.gyro_bias)
+
+    def rotation_cov_W(self, state: AttitudeState) -> Array:
+        """Return the covariance (3, 3), rad², of θ, its tilt no less than the accelerometer's residual allows."""
+        covariance = np.array(state.covariance[ROTATION, ROTATION])
+        for axis in (0, 1):
+            covariance[axis, axis] = max(covariance[axis, axis], self._least_tilt_var)
+        return covariance
+
+    def knows_tilt(self, state: AttitudeState, tilt_rad: float) -> bool:
+        """Return whether the tilt is known to `tilt_rad`, 1 σ on each axis."""
+        P = state.covariance
+        return state.started and bool(max(P[0, 0], P[1, 1], self._least_tilt_var) <= tilt_rad**2)
+
+    def at_rest(self, state: AttitudeState) -> bool:
+        """Return whether the IMU has moved no more than a standing wearer does, for a second."""
+        settings = self.settings.rest
+        if state.rest.quiet_s < settings.time_s:
+            return False
+        bias_deviation = math.sqrt(state.covariance[GYRO_BIAS, GYRO_BIAS].trace() / 3.0)
+        rate_radps = math.hypot(*self.rate(state, state.rest.mean_w_B))
+        return rate_radps < settings.deviation_w_radps + 3.0 * bias_deviation
+
+    def start_at_rest(self, state: AttitudeState) -> None:
+        """Level by the mean specific force of the rest, and take its mean rate for the bias."""
+        settings = self.settings
+        up_B = vec3.minus(state.rest.mean_sf_B, state.sf_bias)
+        self._start(state, up_B, settings.rest_tilt_rad, settings.sway_mps)
+        rate = np.array(self.rate(state, state.rest.mean_w_B))
+        _fuse(state, _RATE_IS_ZERO, rate, self._sway_density[:3] / settings.rest.time_s)
+
+    def start_in_motion(self, state: AttitudeState, up_B: Vec3, tilt_rad: float) -> None:
+        """Start with the vertical along `up_B`, of any length, known to `tilt_rad` on each axis, at an unknown pace."""
+        settings = self.settings
+        self._start(state, up_B, tilt_rad, settings.moving_start_speed_mps)
+        state.unproven_s = settings.unproven_s
+        state.mean_square_swing = settings.moving_start_swing_mps**2
+        P = state.covariance
+        P[DRIFT, VELOCITY] = P[VELOCITY, DRIFT] = P[DRIFT, DRIFT]
+        P[VELOCITY, VELOCITY] += np.eye(3) * settings.moving_start_swing_mps**2
+
+    def _start(self, state: AttitudeState, up_B: Vec3, tilt_rad: float, speed_mps: float) -> None:
+        """Stand `up_B` upright: where the accelerometer's bias leans, so does the vertical."""
+        state.started = True
+        state.q_WB = so3.quaternion_from_up(up_B)
+        state.v_W = state.drift_W = vec3.ZERO
+        state.unproven_s = 0.0
+        state.step = Step()
+        state.sf_W = _specific_force_W(state)
+        P = state.covariance
+        for motion in (ROTATION, VELOCITY, DRIFT):
+            P[motion, :] = P[:, motion] = 0.0
+        # g θ × e_z = R_WB δa
+        tilt_of_bias = _CROSS_UP.T @ so3.matrix_from_quaternion(state.q_WB) / self.settings.gravity_mps2
+        P[ROTATION, :] = tilt_of_bias @ P[SF_BIAS, :]
+        P[:, ROTATION] = P[ROTATION, :].T
+        P[ROTATION, ROTATION] = tilt_of_bias @ P[SF_BIAS, SF_BIAS] @ tilt_of_bias.T + np.diag((1, 1, 0)) * tilt_rad**2
+        P[VELOCITY, VELOCITY] = P[DRIFT, DRIFT] = np.eye(3) * speed_mps**2
+
+    def integrate(self, state: AttitudeState, sample: Sample, dt_s: float) -> None:
+        """(1) and (2) by the trapezoidal rule."""
+        step = state.step
+        w_mid, sf_before_W = vec3.between(state.w_measured, sample.w_B, 0.5), state.sf_W
+        state.sf_measured, state.w_measured = sample.sf_B, sample.w_B
+        turned = vec3.scaled(self.rate(state, w_mid), dt_s)
+        state.q_WB = so3.multiply(state.q_WB, so3.quaternion_from_rotvec(turned))
+        rows = so3.rows_from_quaternion(state.q_WB)
+        state.sf_W = so3.transform(rows, vec3.minus(sample.sf_B, state.sf_bias))
+        x, y, z = vec3.between(sf_before_W, state.sf_W, 0.5)
+        acceleration_W = (x, y, z - self.settings.gravity_mps2)
+        state.v_W = vec3.plus_scaled(state.v_W, acceleration_W, dt_s)
+
+        step.elapsed_s += dt_s
+        step.rows.append(rows)
+        step.rates.append(w_mid)
+        step.dts_s.append(dt_s)
+        step.yaw_rad += rows[6] * turned[0] + rows[7] * turned[1] + rows[8] * turned[2]
+        step.rotation_var += self._rotation_per_square_rate * vec3.square(w_mid) * dt_s
+        step.velocity_var += self._velocity_per_square_acceleration * vec3.square(acceleration_W) * dt_s
+        self._lose_certainty(state, dt_s, sample.clipped)
+        if step.elapsed_s >= self.settings.correction_s:
+            self._correct(state)
+
+    def _lose_certainty(self, state: AttitudeState, dt_s: float, clipped: bool) -> None:
+        """Add the variance of what the samples did not show: between them, or beyond the range."""
+        settings, step = self.settings, state.step
+        if dt_s > 1.5 * state.usual_step_s:
+            missing_s = dt_s - state.usual_step_s
+            step.rotation_var += (settings.unseen_w_radps * missing_s) ** 2
+            step.rotation_var += (settings.unseen_swing_radps3 * dt_s**3) ** 2
+            step.velocity_var += (settings.unseen_sf_mps2 * missing_s) ** 2
+        if clipped:
+            step.rotation_var += (settings.clipped_w_radps * dt_s) ** 2
+            step.velocity_var += (settings.clipped_sf_mps2 * dt_s) ** 2
+        state.usual_step_s += _STEP_GAIN * (min(dt_s, 2.0 * state.usual_step_s) - state.usual_step_s)
+
+    def _correct(self, state: AttitudeState) -> None:
+        """Kalman filter over the errors: predict by (3), measure (4)."""
+        step, state.step = state.step, Step()
+        self._predict(state, step, self._notice_rest(state))
+        self._measure(state, step.elapsed_s)
+
+    def _notice_rest(self, state: AttitudeState) -> bool:
+        """Begin or end a rest; return True where the velocity belongs to none and no walk: a vehicle, or an error."""
+        settings = self.settings
+        variance = max(state.covariance[6, 6], state.covariance[7, 7]) + settings.sway_mps**2
+        stands_still = math.hypot(*state.v_W[:2]) <= _FAR * math.sqrt(variance)
+        at_rest = self.at_rest(state)
+        state.resting = at_rest and (state.resting or stands_still)
+        return (at_rest and not state.resting) or math.hypot(*state.drift_W[:2]) > settings.drift_limit_mps
+
+    def _predict(self, state: AttitudeState, step: Step, runs_away: bool) -> None:
+        settings = self.settings
+        R_dt = np.array(step.rows) * np.array(step.dts_s)[:, np.newaxis]
+        F = np.eye(SIZE)
+        F[ROTATION, GYRO_BIAS] = F[VELOCITY, SF_BIAS] = -R_dt.sum(axis=0).reshape(3, 3)
+        F[ROTATION, GYRO_MATRIX] = -(R_dt.T @ np.array(step.rates)).reshape(3, 9)
+        F[VELOCITY, ROTATION] = settings.gravity_mps2 * step.elapsed_s * _CROSS_UP
+        drift_mps, time_s = settings.drift_mps, settings.drift_time_s
+        if state.resting:
+            drift_mps, time_s = settings.sway_mps, settings.sway_time_s
+        elif state.unproven_s > 0.0:
+            drift_mps = settings.moving_start_speed_mps
+        state.unproven_s -= step.elapsed_s
+        kept = math.exp(-step.elapsed_s / time_s)
+        c_yaw, s_yaw = kept * math.cos(step.yaw_rad), kept * math.sin(step.yaw_rad)
+        F[DRIFT, DRIFT] = ((c_yaw, -s_yaw, 0.0), (s_yaw, c_yaw, 0.0), (0.0, 0.0, kept))
+        x, y, z = state.drift_W
+        state.drift_W = (c_yaw * x - s_yaw * y, s_yaw * x + c_yaw * y, kept * z)
+        noise = self._walk_density * step.elapsed_s
+        noise[ROTATION] += step.rotation_var + (settings.runaway_rad_rts**2 * step.elapsed_s if runs_away else 0.0)
+        noise[VELOCITY] += step.velocity_var
+        noise[DRIFT] += (1.0 - kept**2) * drift_mps**2
+        state.covariance = F @ state.covariance @ F.T
+        state.covariance[_DIAGONAL] += noise
+
+    def _measure(self, state: AttitudeState, dt_s: float) -> None:
+        swing_W = vec3.minus(state.v_W, state.drift_W)
+        if state.resting:
+            variance = np.diag(_SWING_IS_ZERO @ state.covariance @ _SWING_IS_ZERO.T) + self._sway_density[3:] / dt_s
+            if max(map(abs, swing_W)) > _FAR * math.sqrt(variance.max()):
+                state.rest, state.resting = Rest(), False  # a walk begins, before the rest detector knows
+        if state.resting:
+            innovation = np.array((*self.rate(state, state.rest.mean_w_B), *vec3.scaled(swing_W, -1.0)))
+            _fuse(state, _RATE_AND_SWING_ARE_ZERO, innovation, self._sway_density / dt_s)
+        else:
+            variance = np.full(3, self._swing_density(state, swing_W, dt_s) / dt_s)
+            _fuse(state, _SWING_IS_ZERO, -np.array(swing_W), variance)
+
+    def _swing_density(self, state: AttitudeState, swing_W: Vec3, dt_s: float) -> float:
+        """Return n_v's variance density, m²/s, from the swing's horizontal mean square, which it brings up to date."""
+        settings = self.settings
+        gain = dt_s / (dt_s + settings.swing_average_s)
+        state.mean_square_swing += gain * (swing_W[0] ** 2 + swing_W[1] ** 2 - state.mean_square_swing)
+        return settings.swing_floor_mps_rts**2 + settings.swing_time_s * state.mean_square_swing
+
+
+def _fuse(state: AttitudeState, H: Array, innovation: Array, variance: Array) -> None:
+    """Take a measurement H of the errors, with independent noise of `variance`, and correct the estimates."""
+    P = state.covariance
+    HP = H @ P
+    K = np.linalg.solve(HP @ H.T + np.diag(variance), HP).T
+    P = P - K @ HP
+    state.covariance = 0.5 * (P + P.T)
+    error: list[float] = (K @ innovation).tolist()
+    turn = so3.quaternion_from_rotvec(_vec3(error, ROTATION))
+    turn_rows = so3.rows_from_quaternion(turn)
+    state.q_WB = so3.normalised(so3.multiply(turn, state.q_WB))
+    state.v_W = vec3.plus_scaled(so3.transform(turn_rows, state.v_W), _vec3(error, VELOCITY), 1.0)
+    state.drift_W = vec3.plus_scaled(so3.transform(turn_rows, state.drift_W), _vec3(error, DRIFT), 1.0)
+    state.gyro_bias = vec3.plus_scaled(state.gyro_bias, _vec3(error, GYRO_BIAS), 1.0)
+    state.sf_bias = vec3.plus_scaled(state.sf_bias, _vec3(error, SF_BIAS), 1.0)
+    state.gyro_matrix = tuple(map(operator.add, state.gyro_matrix, error[GYRO_MATRIX]))
+    state.sf_W = _specific_force_W(state)
+
+
+def _specific_force_W(state: AttitudeState) -> Vec3:
+    rows = so3.rows_from_quaternion(state.q_WB)
+    return so3.transform(rows, vec3.minus(state.sf_measured, state.sf_bias))
+
+
+def _vec3(values: list[float], part: slice) -> Vec3:
+    x, y, z = values[part]
+    return (x, y, z)

@@ -1,0 +1,51 @@
+"""A camera that delivers depth as a source of disparities, so that the ground is fitted where its noise is even."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import DepthCalibration, Image
+from perception.depth.disparity import DisparityPatch
+from perception.depth.rectify import Window, intrinsics, undistorted_rays
+
+FloatArray = NDArray[np.float64]
+
+
+class DepthCamera:
+    """A DisparityCamera whose frames are one depth image; the disparities are those of the pair inside it.
+
+    No pixel is moved or mixed with a neighbour, so nothing is invented between two depths at an edge.
+    """
+
+    def __init__(self, depth: DepthCalibration) -> None:
+        lens = depth.lens
+        self.image_sizes_px = ((lens.width_px, lens.height_px),)
+        self.f_px = lens.fx_px
+        self.baseline_m = depth.baseline_m
+        self.R_EC: FloatArray = np.eye(3)
+        self.scale_residual = depth.scale_residual
+        self._lens = lens
+        self._steps_px = lens.fx_px * depth.baseline_m / depth.step_m
+        self._rays_C = undistorted_rays(lens, np.arange(float(lens.width_px)), np.arange(float(lens.height_px)))
+        rows = np.arange(lens.height_px) - (lens.height_px - 1) / 2
+        self._row_time_s: FloatArray = np.broadcast_to(rows[:, None] * depth.row_time_s, self._rays_C.shape[:2])
+
+    def look(self, images: Sequence[Image], points_C: FloatArray) -> DisparityPatch | None:
+        """Return the patch that shows `points_C` (see DisparityCamera)."""
+        lens = self._lens
+        K, distortion = intrinsics(lens), np.array(lens.distortion)
+        projected, _ = cv2.projectPoints(points_C, np.zeros(3), np.zeros(3), K, distortion)
+        u_px, v_px = projected.reshape(-1, 2).astype(np.float64).T
+        window = Window.around(u_px, v_px, lens.width_px, lens.height_px)
+        if window is None:
+            return None
+        seen = (window.rows, window.columns)
+        steps = images[0][seen]
+        unknown = np.full(steps.shape, np.nan)
+        return DisparityPatch(
+            rays_C=self._rays_C[seen],
+            disparity_px=np.divide(self._steps_px, steps, out=unknown, where=steps > 0, dtype=np.float64),
+            row_time_s=self._row_time_s[seen],
+        )

@@ -1,0 +1,63 @@
+"""A calibrated pair of cameras as a source of disparities: only what is asked for is rectified and matched."""
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import GreyImage, Image, StereoCalibration
+from perception.depth.disparity import DisparityPatch, OutOfRangeError
+from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
+from perception.depth.rectify import Rectifier, Window
+
+FloatArray = NDArray[np.float64]
+
+
+class StereoCamera:
+    """A DisparityCamera whose frames are a left and a right image, matched at about `matching_width_px`."""
+
+    matching_width_px = 640
+    scale_residual = 0.0
+
+    def __init__(self, stereo: StereoCalibration) -> None:
+        self.rectifier = Rectifier(stereo, max(1, round(stereo.left.width_px / self.matching_width_px)))
+        self._matcher = SemiGlobalMatcher(self.rectifier)
+        self.image_sizes_px = (self.rectifier.raw_size_px,) * 2
+        self.f_px = self.rectifier.f_px
+        self.baseline_m = self.rectifier.baseline_m
+        self.R_EC: FloatArray = self.rectifier.R_LC
+
+    def look(self, images: Sequence[Image], points_C: FloatArray) -> DisparityPatch | None:
+        """Return the patch of the rectified left image that shows `points_C` (see DisparityCamera)."""
+        view = view_of(points_C, self.rectifier)
+        if view is None:
+            return None
+        window, search = view
+        left, right = cast("tuple[GreyImage, GreyImage]", images)
+        return DisparityPatch(
+            rays_C=self.rectifier.rays_C(window),
+            disparity_px=self._matcher.match(left, right, window, search).astype(np.float64),
+            row_time_s=self.rectifier.row_time_s[window.rows, window.columns],
+        )
+
+
+def view_of(points_C: FloatArray, rectifier: Rectifier) -> tuple[Window, DisparityRange] | None:
+    """Return the window and disparities that show `points_C` (N, 3), or None if the last of them is not in view.
+
+    Raises OutOfRangeError where more than 160 disparities would be needed.
+    """
+    depth_m = points_C[:, 2]
+    u = rectifier.f_px * points_C[:, 0] / depth_m + rectifier.cx_px
+    v = rectifier.f_px * points_C[:, 1] / depth_m + rectifier.cy_px
+    window = Window.around(u, v, rectifier.width_px, rectifier.height_px)
+    if window is None:
+        return None
+    fB_px_m = rectifier.f_px * rectifier.baseline_m
+    search = DisparityRange.covering(fB_px_m / depth_m.max(), fB_px_m / depth_m.min())
+    if search.count > _MOST_DISPARITIES:
+        raise OutOfRangeError
+    return window, search
+
+
+_MOST_DISPARITIES = 160

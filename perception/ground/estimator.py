@@ -1,0 +1,182 @@
+"""A frame and the attitude at its mid-exposure to the published estimate of the ground ahead."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import Frame, GroundPlane, Reason, Status, StereoFrame, UnitCalibration, Vec3, upper_triangle
+from perception.ground.foothold import FootholdSettings
+from perception.ground.meter import GroundMeasurement, GroundMeter
+from perception.ground.plane import Plane
+from perception.ground.tracking import PlaneTracker, TrackingSettings
+
+FloatArray = NDArray[np.float64]
+
+
+class GroundEstimator:
+    """Measures each frame, follows the plane over time and states what the estimate is worth."""
+
+    def __init__(self, calibration: UnitCalibration, foothold: FootholdSettings) -> None:
+        self._residual = calibration.residual
+        self._calibration_id = calibration.id
+        self._foothold = foothold
+        self._meter = GroundMeter(calibration.camera, calibration.residual)
+        self._tracker = PlaneTracker(TrackingSettings())
+        self._swap_watch = _SwapWatch()
+        self._R_BC: FloatArray = np.array(calibration.X_BE.R) @ self._meter.camera.R_EC
+
+    def look_at(self, foothold: FootholdSettings) -> None:
+        """Measure another region from the next frame on."""
+        self._foothold = foothold
+
+    def estimate(
+        self,
+        frame: Frame,
+        R_WB: FloatArray,
+        w_WB_B_radps: Vec3,
+        rotation_cov_W_rad2: FloatArray,
+        *,
+        height_rate_mps: float = 0.0,
+        reduced: bool = False,
+    ) -> GroundPlane:
+        """Return the ground in H of `frame`, given the attitude, its covariance and the rate at mid-exposure.
+
+        `height_rate_mps` is how fast the camera moves away from the ground: a walker's bob, not the climb of a ramp.
+        With `reduced` only the middle half of the region's width is matched.
+        """
+        if tuple(image.shape[::-1] for image in frame.images) != tuple(self._meter.camera.image_sizes_px):
+            return self.refused(frame, Reason.WRONG_SIZE)
+        R_WC = R_WB @ self._R_BC
+        R_WH = heading(R_WC)
+        if R_WH is None:
+            return self.refused(frame, Reason.FOOTHOLD_OUT_OF_VIEW)
+        t_ns = frame.header.t_exposure_ns
+        expected = self._tracker.predicted(t_ns, R_WH)
+        w_WC_C_radps = self._R_BC.T @ np.array(w_WB_B_radps)
+        region = self._foothold.narrowed() if reduced else self._foothold
+
+        def measure(swapped: bool) -> GroundMeasurement:
+            images = frame.images[::-1] if swapped else frame.images
+            plane = None if swapped else expected
+            return self._meter.measure(images, R_WH.T @ R_WC, w_WC_C_radps, height_rate_mps, region, plane)
+
+        measured = measure(swapped=False)
+        if measured.fit is None:
+            suspected = isinstance(frame, StereoFrame) and self._swap_watch.suspects(measured.reason)
+            swapped = suspected and measure(swapped=True).fit is not None
+            return self.refused(frame, self._swap_watch.verdict(measured.reason, swapped), measured.matched_share)
+        self._swap_watch.clear()
+        attitude_cov_W = _of_slopes(rotation_cov_W_rad2)
+        tracked = self._tracker.updated(t_ns, measured.fit, measured.matched_share, R_WH, attitude_cov_W)
+        if tracked is None:
+            return self.refused(frame, Reason.NOT_PLANAR, measured.matched_share)
+        plane, plane_cov = tracked
+        cov = _slope_cov(plane, plane_cov + measured.lasting_cov)
+        cov[:2, :2] += _of_slopes(R_WH.T @ rotation_cov_W_rad2 @ R_WH) + self._mounting_cov(w_WB_B_radps)
+        return GroundPlane(
+            t_exposure_ns=t_ns,
+            frame_seq=frame.header.seq,
+            status=Status.VALID,
+            reason=Reason.NONE,
+            slope_sagittal_rad=float(np.arctan(plane.gradient[0])),
+            slope_frontal_rad=float(np.arctan(plane.gradient[1])),
+            height_m=plane.height_m,
+            covariance=upper_triangle(cov),
+            ahead_m=self._foothold.ahead_m,
+            matched_share=measured.matched_share,
+            inlier_share=measured.fit.inlier_share,
+            disparity_noise_px=measured.fit.noise_px,
+            calibration_id=self._calibration_id,
+        )
+
+    def refused(self, frame: Frame, reason: Reason, matched_share: float = float("nan")) -> GroundPlane:
+        """Return the estimate that says only why `frame` gives none."""
+        return no_ground(
+            frame.header.t_exposure_ns,
+            frame.header.seq,
+            reason,
+            self._foothold.ahead_m,
+            self._calibration_id,
+            matched_share,
+        )
+
+    def _mounting_cov(self, w_B_radps: Vec3) -> FloatArray:
+        """Return the covariance (2, 2) that mounting and frame time add to the slopes."""
+        late_rad2 = sum(w * w for w in w_B_radps) * self._residual.time_s**2
+        return np.eye(2) * (self._residual.camera_to_imu_rad**2 + late_rad2)
+
+
+def _of_slopes(rotation_cov: FloatArray) -> FloatArray:
+    """Return the covariance (2, 2) that a small rotation of covariance (3, 3) gives the slopes, in the same frame."""
+    # a rotation δ turns the slopes by (−δ_y, δ_x) to first order
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+    turned: FloatArray = turn @ rotation_cov @ turn.T
+    return turned
+
+
+def _slope_cov(plane: Plane, cov_abh: FloatArray) -> FloatArray:
+    """Return the covariance (3, 3) of (slope_sagittal, slope_frontal, height) from that of (a, b, h)."""
+    slope_per_gradient = np.diag([1.0 / (1.0 + plane.gradient[0] ** 2), 1.0 / (1.0 + plane.gradient[1] ** 2), 1.0])
+    cov: FloatArray = slope_per_gradient @ cov_abh @ slope_per_gradient
+    return cov
+
+
+def no_ground(
+    t_exposure_ns: int,
+    frame_seq: int,
+    reason: Reason,
+    ahead_m: float,
+    calibration_id: str,
+    matched_share: float = float("nan"),
+) -> GroundPlane:
+    """Return an estimate without numbers: NaN, a status and the reason."""
+    nan = float("nan")
+    starting = reason in (Reason.STARTING, Reason.NOT_AT_REST)
+    return GroundPlane(
+        t_exposure_ns=t_exposure_ns,
+        frame_seq=frame_seq,
+        status=Status.INITIALISING if starting else Status.INVALID,
+        reason=reason,
+        slope_sagittal_rad=nan,
+        slope_frontal_rad=nan,
+        height_m=nan,
+        covariance=(nan,) * 6,
+        ahead_m=ahead_m,
+        matched_share=matched_share,
+        inlier_share=nan,
+        disparity_noise_px=nan,
+        calibration_id=calibration_id,
+    )
+
+
+def heading(R_WC: FloatArray) -> FloatArray | None:
+    """Return R_WH (3, 3): H's x is the horizontal projection of C's optical axis; None if that is vertical."""
+    x, y = R_WC[0, 2], R_WC[1, 2]
+    length = float(np.hypot(x, y))
+    if length < _LEAST_HORIZONTAL:
+        return None
+    c, s = x / length, y / length
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+_LEAST_HORIZONTAL = 0.05
+
+
+class _SwapWatch:
+    """Suspects exchanged eyes after a run of frames that did not match, and then tries one exchanged pair a run."""
+
+    run = 10
+
+    def __init__(self) -> None:
+        self._unmatched = 0
+        self._swapped = False
+
+    def suspects(self, reason: Reason) -> bool:
+        self._unmatched += reason in (Reason.LOW_TEXTURE, Reason.NOT_PLANAR, Reason.TOO_STEEP)
+        return self._unmatched > 0 and self._unmatched % self.run == 0
+
+    def verdict(self, reason: Reason, swapped: bool) -> Reason:
+        self._swapped = self._swapped or swapped
+        return Reason.EYES_SWAPPED if self._swapped else reason
+
+    def clear(self) -> None:
+        self._unmatched, self._swapped = 0, False

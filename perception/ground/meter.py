@@ -1,0 +1,116 @@
+"""One frame and one attitude to the plane of ground at the foothold, or the reason why there is none."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import DepthCalibration, Image, Reason, Residual, StereoCalibration
+from perception.depth.depth_camera import DepthCamera
+from perception.depth.disparity import DisparityCamera, OutOfRangeError
+from perception.depth.stereo_camera import StereoCamera
+from perception.ground.foothold import FootholdSettings
+from perception.ground.plane import Plane, PlaneFit, PlaneFitter
+from perception.ground.relief import relief_cov
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GroundMeasurement:
+    """What one frame says of the ground. `fit` is in H, and None unless `reason` is NONE.
+
+    `lasting_cov` (3, 3), of (a, b, h) like the fit's own covariance, is what averaging over frames cannot reduce:
+    the calibration's residual, and what the region holds besides the plane.
+    """
+
+    reason: Reason
+    matched_share: float
+    fit: PlaneFit | None = None
+    lasting_cov: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+
+
+class GroundMeter:
+    """Measures the ground plane in the foothold region, frame by frame; it keeps no memory of earlier frames."""
+
+    least_matched_share = 0.30
+    least_inlier_share = 0.30
+    most_pixels = 5000
+    locking_px = 0.05
+    """What interpolation between whole disparities leaves as a common offset (pixel locking), one σ."""
+
+    def __init__(self, camera: StereoCalibration | DepthCalibration, residual: Residual) -> None:
+        self.camera: DisparityCamera = (
+            DepthCamera(camera) if isinstance(camera, DepthCalibration) else StereoCamera(camera)
+        )
+        self._fitter = PlaneFitter(fB_px_m=self.camera.f_px * self.camera.baseline_m)
+        self._residual = residual
+
+    def measure(
+        self,
+        images: Sequence[Image],
+        R_HC: FloatArray,
+        w_HC_C_radps: FloatArray,
+        height_rate_mps: float,
+        region: FootholdSettings,
+        expected: Plane | None,
+    ) -> GroundMeasurement:
+        """Return the plane in H of a frame's raw `images`, (height, width) each, of the calibrated sizes.
+
+        `R_HC` holds at mid-exposure of the middle row; for the other rows of a rolling shutter `w_HC_C_radps` turns
+        the camera and `height_rate_mps` lifts it off the ground.
+        `expected` is the plane as predicted from earlier frames.
+        """
+        foreseen = expected or Plane((0.0, 0.0), region.nominal_height_m)
+        margin_m = region.height_margin_m if expected is None else region.step_m
+        corners_H = region.footprint(foreseen, margin_m)
+        points_C = np.vstack((corners_H, corners_H.mean(axis=0))) @ R_HC
+        if points_C[:, 2].min() < _LEAST_DEPTH_M:
+            return GroundMeasurement(Reason.FOOTHOLD_OUT_OF_VIEW, 0.0)
+        try:
+            patch = self.camera.look(images, points_C)
+        except OutOfRangeError:
+            return GroundMeasurement(Reason.OUT_OF_RANGE, 0.0)
+        if patch is None:
+            return GroundMeasurement(Reason.FOOTHOLD_OUT_OF_VIEW, 0.0)
+        patch, stride = patch.thinned(self.most_pixels)
+        rays_C, disparity_px, row_time_s = patch.rays_C, patch.disparity_px, patch.row_time_s[..., None]
+        # R_HC(t + τ) r ≈ R_HC (r + τ ω × r), and by (1) h(t + τ) = h + τ ḣ divides what a ray sees
+        rays_H = (rays_C + row_time_s * np.cross(w_HC_C_radps, rays_C)) @ R_HC.T
+        rays_H /= 1.0 + row_time_s * (height_rate_mps / foreseen.height_m)
+
+        fB_px_m = self._fitter.fB_px_m
+        foreseen_px = np.maximum(rays_H @ foreseen.theta(fB_px_m), _LEAST_DISPARITY_PX)
+        on_foreseen = region.contains(rays_H * (fB_px_m / foreseen_px)[..., None])
+        matched_share = float(np.isfinite(disparity_px[on_foreseen]).mean()) if on_foreseen.any() else 0.0
+        points_H = rays_H * (fB_px_m / disparity_px)[..., None]
+        inside = region.contains(points_H) & (np.abs(foreseen.rise_m(points_H)) < margin_m)
+        if matched_share < self.least_matched_share or np.count_nonzero(inside) < _LEAST_PIXELS:
+            return GroundMeasurement(Reason.LOW_TEXTURE, matched_share)
+
+        rays_H, disparity_px, points_H = rays_H[inside], disparity_px[inside], points_H[inside]
+        fit = self._fitter.fit(rays_H, disparity_px, region.emphasis(points_H), stride=stride, expected=expected)
+        if fit is None or fit.noise_px >= self._fitter.most_noise_px or fit.inlier_share < self.least_inlier_share:
+            return GroundMeasurement(Reason.NOT_PLANAR, matched_share)
+        if fit.plane.steepness_rad > self._fitter.steepest_rad:
+            return GroundMeasurement(Reason.TOO_STEEP, matched_share)
+        misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
+        lasting = relief_cov(fit, points_H, misfit_px, region) + self._residual_cov(fit.plane, R_HC)
+        return GroundMeasurement(Reason.NONE, matched_share, fit, lasting)
+
+    def _residual_cov(self, plane: Plane, R_HC: FloatArray) -> FloatArray:
+        """Return the covariance of (a, b, h) by a common offset of d, which moves θ of (1) along C's z.
+
+        A toe-in ε gives an offset f ε; pixel locking gives another. A wrong scale of depth stretches h alone.
+        """
+        offset_px = np.hypot(self.camera.f_px * self._residual.toe_in_rad, self.locking_px)
+        moved = self._fitter.jacobian(plane.theta(self._fitter.fB_px_m)) @ (offset_px * R_HC[:, 2])
+        cov: FloatArray = np.outer(moved, moved)
+        cov[2, 2] += (plane.height_m * self.camera.scale_residual) ** 2
+        return cov
+
+
+_LEAST_DEPTH_M = 0.1
+_LEAST_PIXELS = 100
+_LEAST_DISPARITY_PX = 1e-6

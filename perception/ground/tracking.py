@@ -1,0 +1,121 @@
+"""The plane over time: gradient in W, height under the camera, each with its covariance.
+
+The gradient of the ground in W does not change while the wearer walks on it, so a Kalman filter with a small
+process noise averages the frames; the height follows the hip and is re-measured by each frame. A frame that
+contradicts the track (an edge: kerb, stair, foot of a ramp) starts a new one once the next frame confirms it: a chance
+match of a picture that shows nothing does not come twice. The attitude's error is common to all
+frames of a track until the attitude learns: a Kalman filter that goes from covariance P to P' corrects itself by
+N(0, P − P'), and the track has it still.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.ground.plane import Plane, PlaneFit
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TrackingSettings:
+    """Process noise per square root of a second, and the bound on the squared innovation (χ², 3 degrees)."""
+
+    gradient_per_sqrt_s: float = 0.02
+    height_m_per_sqrt_s: float = 0.06
+    attitude_jitter_rad: float = 0.003  # attitude error that changes from frame to frame
+    gate: float = 16.3  # 0.1 % of frames on the track would exceed it
+    longest_gap_s: float = 0.5
+    confirmed_within_s: float = 0.12
+    believable_share: float = 0.6  # of the region, matched, where a frame contradicts the track
+
+
+@dataclass
+class _Track:
+    """(∂z/∂x, ∂z/∂y in W; height of the camera above the plane's intercept) at one time, with its covariance (3, 3).
+
+    `attitude_cov_W` (2, 2) is what the attitude's covariance meant for the gradient then.
+    """
+
+    t_ns: int
+    state: FloatArray
+    cov: FloatArray
+    attitude_cov_W: FloatArray
+
+
+class PlaneTracker:
+    """Kalman filter of the plane, and of the one that may take its place."""
+
+    def __init__(self, settings: TrackingSettings) -> None:
+        self._settings = settings
+        self._track: _Track | None = None
+        self._candidate: _Track | None = None
+
+    def predicted(self, t_ns: int, R_WH: FloatArray) -> Plane | None:
+        """Return the plane in H as expected at `t_ns`, or None without a track younger than `longest_gap_s`."""
+        if self._track is None or t_ns - self._track.t_ns > 1e9 * self._settings.longest_gap_s:
+            return None
+        return _plane(_turn(R_WH).T @ self._track.state)
+
+    def updated(
+        self, t_ns: int, fit: PlaneFit, matched_share: float, R_WH: FloatArray, attitude_cov_W: FloatArray
+    ) -> tuple[Plane, FloatArray] | None:
+        """Take one frame's plane in H; return the plane in H that the track now holds and its covariance (a, b, h).
+
+        None where the frame contradicts the track, or there is none, and the frame before does not confirm it; one of
+        which little matched confirms nothing.
+        `attitude_cov_W` (2, 2), rad², is what the attitude's covariance means for the gradient in W. It is told apart:
+        the covariance that is returned is without it.
+        """
+        turn = _turn(R_WH)
+        jitter = self._settings.attitude_jitter_rad**2
+        seen_cov = turn @ fit.covariance @ turn.T + np.diag([jitter, jitter, 0.0])
+        seen = _Track(t_ns, turn @ fit.plane.abh, seen_cov, attitude_cov_W)
+        track = self._joined(self._track, seen, self._settings.longest_gap_s)
+        if track is None:
+            candidate = self._joined(self._candidate, seen, self._settings.confirmed_within_s)
+            believable = matched_share >= self._settings.believable_share
+            self._candidate = seen if believable else None
+            track = candidate if believable else None
+        if track is None:
+            return None
+        self._track, self._candidate = track, None
+        return _plane(turn.T @ track.state), turn.T @ track.cov @ turn
+
+    def _joined(self, before: _Track | None, seen: _Track, within_s: float) -> _Track | None:
+        """Return `before` with what is seen, or None where they contradict each other or are farther apart."""
+        if before is None or seen.t_ns - before.t_ns > 1e9 * within_s:
+            return None
+        prior = self._grown(before, seen)
+        innovation, innovation_cov = seen.state - before.state, prior + seen.cov
+        if innovation @ np.linalg.solve(innovation_cov, innovation) > self._settings.gate:
+            return None
+        gain = np.linalg.solve(innovation_cov, prior).T
+        return _Track(seen.t_ns, before.state + gain @ innovation, (np.eye(3) - gain) @ prior, seen.attitude_cov_W)
+
+    def _grown(self, before: _Track, seen: _Track) -> FloatArray:
+        dt_s = max(0.0, (seen.t_ns - before.t_ns) * 1e-9)
+        s = self._settings
+        rates = np.array([s.gradient_per_sqrt_s, s.gradient_per_sqrt_s, s.height_m_per_sqrt_s])
+        prior: FloatArray = before.cov + np.diag(rates**2 * dt_s)
+        prior[:2, :2] += _positive_part(before.attitude_cov_W - seen.attitude_cov_W)
+        return prior
+
+
+def _positive_part(difference: FloatArray) -> FloatArray:
+    """Return the symmetric matrix `difference` without its negative eigenvalues."""
+    values, vectors = np.linalg.eigh(difference)
+    positive: FloatArray = (vectors * np.clip(values, 0.0, None)) @ vectors.T
+    return positive
+
+
+def _plane(abh: FloatArray) -> Plane:
+    return Plane((float(abh[0]), float(abh[1])), float(abh[2]))
+
+
+def _turn(R_WH: FloatArray) -> FloatArray:
+    """Return the (3, 3) matrix that takes (∂z/∂x, ∂z/∂y, height) from H to W, which differ by yaw alone."""
+    turn = np.eye(3)
+    turn[:2, :2] = R_WH[:2, :2]
+    return turn

@@ -1,3 +1,0 @@
-from sim_rig.hidden.platform.cases import EFFECTS, LOOK_ALIKES, OUTSIDE, PAIRS, SIZES, write
-
-__all__ = ["EFFECTS", "LOOK_ALIKES", "OUTSIDE", "PAIRS", "SIZES", "write"]

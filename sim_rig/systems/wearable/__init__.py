@@ -1,3 +1,0 @@
-from sim_rig.systems.wearable.simulation import load
-
-__all__ = ["load"]

@@ -1,0 +1,78 @@
+"""The libraries of all systems as a page: every effect with its parameters, what it is, and what to do about it."""
+
+import math
+from collections.abc import Iterable, Mapping
+
+from discrepancy.simulation import Effect, Parameter
+
+_HEADING = """\
+# Effects
+
+What a simulation may leave out, by system: the names that `verdict.json`, `extended.toml`, `--only` and `--without`
+take. An effect's parameters are its whole freedom, with their values without it. By how much of the value a formula
+itself may err was measured on development recordings, whose truth is known; intervals hold it. This page is written
+by `gaiteyes explain effects --out docs/effects.md`.
+"""
+
+
+def libraries() -> dict[str, tuple[Effect, ...]]:
+    """Return the effects by system, as a recording with a foot, a temperature and a reference has them.
+
+    What a recording itself tells, such as where a search begins, is made up here and not shown.
+    """
+    from systems.imu import effects as imu
+    from systems.platform import effects as platform
+    from systems.platform import effects_above as above
+    from systems.platform.sensor import CHANNELS
+    from systems.wearable import effects as wearable
+
+    steps, largest = {"force_n": 1.0, "torque_nm": 1.0}, dict.fromkeys(CHANNELS, 1.0)
+    facts = imu.Facts(1.0, 1.0, pinned=(False, False), lag_s=0.0, lag_rate=0.0, has_temperature=True)
+    return {
+        "platform": (
+            *platform.timing(),
+            *platform.amplitudes(steps, largest),
+            *platform.geometry(foot=True),
+            *above.above_sensor(foot=True),
+            *above.sampling(40.0, 0.0),
+        ),
+        "imu": imu.library(facts),
+        "wearable": wearable.library(with_reference=True),
+    }
+
+
+def page(by_system: Mapping[str, Iterable[Effect]]) -> str:
+    """Return the page as Markdown."""
+    parts = [_HEADING]
+    for system, effects in by_system.items():
+        parts.append(f"## {system}\n")
+        parts += [_section(effect) for effect in effects]
+    return "\n".join(parts)
+
+
+def _section(effect: Effect) -> str:
+    alike: dict[tuple[str, str, str], list[str]] = {}
+    for parameter in effect.parameters:
+        neutral = _neutral(parameter, alone=len(effect.parameters) == 1)
+        inexact = f"{100.0 * parameter.inexact:g} %" if parameter.inexact else ""
+        alike.setdefault((parameter.unit, neutral, inexact), []).append(f"`{parameter.name}`")
+    rows = [f"| {', '.join(names)} | {' | '.join(rest)} |" for rest, names in alike.items()]
+    return "\n".join(
+        (
+            f"### `{effect.name}`\n",
+            f"{effect.explanation}\n",
+            f"- What to do: {effect.remedy}",
+            f"- What tells it apart: {effect.experiment}\n",
+            "| parameter | unit | without it | formula's own error |",
+            "|---|---|---|---|",
+            *rows,
+            "",
+        )
+    )
+
+
+def _neutral(parameter: Parameter, *, alone: bool) -> str:
+    """Return the value without the effect; beside others that are then zero or infinite it is of no matter."""
+    if math.isinf(parameter.neutral):
+        return "∞"
+    return f"{parameter.neutral:g}" if alone or parameter.neutral == 0.0 else "no matter"

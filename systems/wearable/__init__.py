@@ -1,0 +1,3 @@
+from systems.wearable.simulation import load
+
+__all__ = ["load"]

@@ -1,0 +1,122 @@
+"""The wearer's recording as files: the project's own MCAP, the ground that a laboratory measured, and its reference."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.files import parse_calibration
+from drivers.recording.recording import McapRecording
+from impedance.recording.plain_files import read_table
+from messages import Calibration, ImuSample, StereoFrame
+from messages.errors import UserError
+
+FloatArray = NDArray[np.float64]
+
+GROUND_COLUMNS = ("t_s", "nx", "ny", "nz", "height_m")
+REFERENCE_COLUMNS = ("t_s", "qw", "qx", "qy", "qz", "px_m", "py_m", "pz_m")
+LEAST_FRAMES = 30
+LEAST_ROWS = 4
+_UNIT_LENGTH = 0.01
+_HEIGHT_M = (0.1, 3.0)
+_UPRIGHT = 0.3
+
+
+@dataclass(frozen=True)
+class Track:
+    """A table of the laboratory: strictly rising times (n,) in s and values (n, c); NaN where it knows nothing."""
+
+    t_s: FloatArray
+    values: FloatArray
+
+
+@dataclass(frozen=True)
+class WearableFiles:
+    """What a folder holds. `mcap` is opened anew by who reads it, because its pictures fill the memory."""
+
+    mcap: Path
+    calibration: Calibration
+    ground: Track
+    reference: Track | None
+
+
+def read_files(folder: Path) -> WearableFiles:
+    """Return what `folder`, or the folder of the MCAP file that is named, holds.
+
+    Raises UserError with one line that names file, column and row.
+    """
+    mcap = folder if folder.suffix == ".mcap" else _only_mcap(folder)
+    folder = mcap.parent
+    calibration = parse_calibration(McapRecording(mcap).calibration_text, f"{mcap} calibration.yaml")
+    if not isinstance(calibration, Calibration):
+        raise UserError(f"{mcap}: calibration.yaml is of a depth camera; expected a stereo pair")
+    reference = folder / "reference.csv"
+    return WearableFiles(
+        mcap, calibration, _ground(folder / "ground.csv"), _reference(reference) if reference.exists() else None
+    )
+
+
+def read_samples(files: WearableFiles) -> list[ImuSample]:
+    """Return the IMU's samples."""
+    return [message for message in McapRecording(files.mcap).inputs() if isinstance(message, ImuSample)]
+
+
+def read_frames(files: WearableFiles) -> Iterator[StereoFrame]:
+    """Yield the stereo frames, one in memory at a time."""
+    return (message for message in McapRecording(files.mcap).inputs() if isinstance(message, StereoFrame))
+
+
+def _only_mcap(folder: Path) -> Path:
+    if not folder.is_dir():
+        raise UserError(f"{folder}: is no folder and no MCAP file")
+    found = sorted(folder.glob("*.mcap"))
+    if len(found) != 1:
+        raise UserError(f"{folder}: holds {len(found)} MCAP files; expected one")
+    return found[0]
+
+
+def _ground(path: Path) -> Track:
+    track = _track(path, GROUND_COLUMNS)
+    length = np.linalg.norm(track.values[:, :3], axis=1)
+    _check(path, np.abs(length - 1.0) > _UNIT_LENGTH, "nx, ny, nz", "is no unit vector; allowed length 0.99 to 1.01")
+    _check(path, track.values[:, 2] < _UPRIGHT, "nz", f"is below {_UPRIGHT}; expected a normal that points up")
+    height_m = track.values[:, 3]
+    wrong = (height_m < _HEIGHT_M[0]) | (height_m > _HEIGHT_M[1])
+    _check(path, wrong, "height_m", f"is outside {_HEIGHT_M[0]} to {_HEIGHT_M[1]} m")
+    return _long_enough(path, track)
+
+
+def _reference(path: Path) -> Track:
+    track = _track(path, REFERENCE_COLUMNS)
+    length = np.linalg.norm(track.values[:, :4], axis=1)
+    _check(path, np.abs(length - 1.0) > _UNIT_LENGTH, "qw, qx, qy, qz", "is no unit quaternion")
+    return _long_enough(path, track)
+
+
+def _track(path: Path, columns: tuple[str, ...]) -> Track:
+    rows = enumerate(read_table(path, columns), start=2)
+    table = np.array([[_number(path, row, *cell) for cell in zip(columns, texts, strict=True)] for row, texts in rows])
+    _check(path, ~np.isfinite(table[:, 0]), "t_s", "is missing")
+    _check(path, np.diff(table[:, 0], prepend=-np.inf) <= 0.0, "t_s", "does not rise")
+    return Track(table[:, 0], table[:, 1:])
+
+
+def _long_enough(path: Path, track: Track) -> Track:
+    if np.isfinite(track.values).all(axis=1).sum() < LEAST_ROWS:
+        raise UserError(f"{path}: has fewer than {LEAST_ROWS} whole rows")
+    return track
+
+
+def _number(path: Path, row: int, column: str, text: str) -> float:
+    try:
+        return float(text) if text else math.nan
+    except ValueError as error:
+        raise UserError(f"{path}: row {row}, column {column} is '{text}', no number") from error
+
+
+def _check(path: Path, wrong: NDArray[np.bool_], column: str, problem: str) -> None:
+    if wrong.any():
+        raise UserError(f"{path}: row {int(np.argmax(wrong)) + 2}, column {column} {problem}")
