@@ -23,8 +23,8 @@ from benchmarks.attitude_peers import Madgwick, Mahony, attitudes
 from benchmarks.broad import HELD_OUT, TUNING, Trial, trials, up_B_of
 from messages import Residual
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings
-from tests.data_folder import shared_data
-from tests.hip_motion import hip_motion, tilt_errors_W, with_mpu6050_noise
+from tests.bench.data_folder import shared_data
+from tests.bench.hip_motion import hip_motion, tilt_errors_W, with_mpu6050_noise
 
 Array = NDArray[np.float64]
 

@@ -22,8 +22,8 @@ from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 from perception.attitude.imu_model import corrected
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
-from tests.hip_motion import Motion, tilt_errors_W
-from tests.imu_bench import ImuBench
+from tests.bench.hip_motion import Motion, tilt_errors_W
+from tests.bench.imu_bench import ImuBench
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from sim_rig.imu.i2c_bus import I2cWires
 from sim_rig.imu.mpu6050_chip import Mpu6050Chip
 from sim_rig.imu.mpu6050_signal import Motion
 from sim_rig.kernel.chip_server import DEVICE, INTERRUPT_LINE, ChipServer, gpio_chip_path, i2c_bus_number
-from tests.imu_bench import ADDRESS, NOISY, still
+from tests.bench.imu_bench import ADDRESS, NOISY, still
 from tests.kernel.modules import load_module
 
 READ_S = 0.1

@@ -11,7 +11,7 @@ from drivers.can.link import CanLink, SendResult
 from drivers.protocols import DeviceError
 from messages import CanState
 from messages.can_frames import CanEncoder, CanMessage, can_id
-from tests.contract.test_can_link import (
+from tests.drivers.can.test_link_contract import (
     BUS_OFF,
     CONTROLLER,
     FRAME,

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import pytest
 
 from drivers.can.bus import CanInterface, CanSettings
-from tests.contract import test_can_link
-from tests.contract.test_can_link import Wire, joined
+from tests.drivers.can import test_link_contract as test_can_link
+from tests.drivers.can.test_link_contract import Wire, joined
 from tests.kernel import can_links
 from tests.kernel.contract import contract_tests
 

@@ -16,7 +16,7 @@ from drivers.imu.settings import Mpu6050Settings
 from drivers.protocols import DeviceError
 from messages import UserError
 from sim_rig.kernel.chip_server import ChipServer
-from tests.imu_bench import ADDRESS
+from tests.bench.imu_bench import ADDRESS
 from tests.kernel.i2c_adapter import set_adapter_timeout
 from tests.kernel.imu_bench import KernelImuBench, kernel_imu
 from tests.kernel.modules import load_module, unload_module

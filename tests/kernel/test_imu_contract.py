@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.contract import test_imu_source
-from tests.contract.test_imu_source import ImuRig
+from tests.drivers.imu import test_imu_source_contract as test_imu_source
+from tests.drivers.imu.test_imu_source_contract import ImuRig
 from tests.kernel.contract import contract_tests
 from tests.kernel.imu_bench import kernel_imu
 

@@ -16,10 +16,10 @@ import pytest
 
 from daemon.realtime import FIFO_PRIORITIES
 from messages.can_frames import CanMessage, can_id
+from tests.bench.zenoh_peer import client
 from tests.kernel import unit
 from tests.kernel.i2c_adapter import set_adapter_timeout
 from tests.kernel.wearable import CAN_NAME, DEVICE, Wearable
-from tests.zenoh_peer import client
 
 
 class Ears:

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.contract import test_stereo_source
-from tests.contract.test_stereo_source import POOL_FRAMES, Bench
+from tests.drivers.camera import test_stereo_source_contract as test_stereo_source
+from tests.drivers.camera.test_stereo_source_contract import POOL_FRAMES, Bench
 from tests.kernel import loopback, vivid
 from tests.kernel.contract import contract_tests
 

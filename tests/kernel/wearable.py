@@ -16,10 +16,10 @@ from drivers.can.bus import CanInterface, CanSettings
 from messages import GreyImage
 from sim_rig.kernel.chip_server import INTERRUPT_LINE, gpio_chip_path
 from sim_rig.unit import draw_unit
+from tests.bench.zenoh_peer import free_endpoint
 from tests.kernel import can_links, loopback
 from tests.kernel.imu_bench import KernelChip
 from tests.kernel.shrunk import SEED, shrunk_stereo
-from tests.zenoh_peer import free_endpoint
 
 SCENE = Path(__file__).with_name("scene.npz")
 CAN_NAME = "vcan2"

@@ -9,7 +9,7 @@ import pytest
 from lab.evaluation.real_pair import FLOOR
 from messages import DepthCalibration, Lens, Residual
 from perception.ground.meter import GroundMeter
-from tests.data_folder import shared_data
+from tests.bench.data_folder import shared_data
 
 
 @pytest.mark.parametrize("step_m", [0.001, 0.00025])

@@ -24,7 +24,7 @@ from messages.codec import encode
 from perception.ground.foothold import FootholdSettings
 from sim_rig.depth_wearer import DepthWearer
 from sim_rig.walk.scenario import scenario
-from tests.replay.recorded import INFO, all_facts, depth_frame, frame, header, imu, record
+from tests.bench.recorded import INFO, all_facts, depth_frame, frame, header, imu, record
 
 
 def test_depth_frames_come_back_bit_for_bit_in_their_order(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from daemon.pipeline import Pipeline
 from daemon.replay import replay
 from lab.evaluation.floor import score_floor
 from messages import Status, StereoFrame
-from tests.data_folder import shared_data
+from tests.bench.data_folder import shared_data
 
 
 def test_the_floor_below_the_vehicle_is_level_and_as_far_as_motion_capture_says(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from drivers.recording.recording import McapRecording
 from messages import StereoFrame
-from tests.zenoh_peer import free_endpoint
+from tests.bench.zenoh_peer import free_endpoint
 
 GAITEYES = [sys.executable, "-m", "cli.main"]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sim_rig.can.slcan_hub import PORT
-from tests.zenoh_peer import free_endpoint
+from tests.bench.zenoh_peer import free_endpoint
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

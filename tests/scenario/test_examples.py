@@ -19,9 +19,9 @@ from drivers.can.bus import CanInterface, CanSettings
 from drivers.can.link import CanLink
 from drivers.protocols import DeviceError
 from messages import GroundPlane, Source
-from tests.can_samples import calibration, ground, invalid_ground
-from tests.slcan_hub import served_hub
-from tests.zenoh_peer import free_endpoint
+from tests.bench.can_samples import calibration, ground, invalid_ground
+from tests.bench.slcan_hub import served_hub
+from tests.bench.zenoh_peer import free_endpoint
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 GROUP = "239.74.163.78"

@@ -14,7 +14,7 @@ import pytest
 
 from calib.files import save_calibration
 from sim_rig.unit import draw_unit
-from tests.zenoh_peer import free_endpoint
+from tests.bench.zenoh_peer import free_endpoint
 
 HANGING_CAMERA = """
 import sys, threading

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.data_folder import shared_data
+from tests.bench.data_folder import shared_data
 
 HOME = Path(__file__).parents[2]
 PUBLISHED_R2 = {"Slow": 0.7208, "Fast": 0.9675}

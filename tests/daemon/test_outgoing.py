@@ -1,0 +1,79 @@
+"""What is too old loses its numbers on the way out; a recording keeps what the pipeline said."""
+
+import math
+from pathlib import Path
+
+import msgspec
+import pytest
+from mcap.reader import make_reader
+
+from daemon.latency import LatencyLog
+from daemon.outgoing import STALE_NS, Outgoing, in_time
+from daemon.recorder import Recorder, RecordingInfo
+from daemon.stamping import Stamper, capture_ns
+from messages import Attitude, Estimate, FrameHeader, GroundPlane, Reason, Source, Stamp, Status
+from messages.codec import decode
+from tests.bench.can_samples import attitude, ground, health, invalid_ground
+
+
+class Listener:
+    def __init__(self, name: str = "zenoh", errors: int = 0) -> None:
+        self.name, self.errors = name, errors
+        self.heard: list[Estimate] = []
+        self.closed = False
+
+    def publish(self, estimate: Estimate, stamp: Stamp) -> None:  # noqa: ARG002
+        self.heard.append(estimate)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.mark.parametrize("estimate", [ground(), attitude()])
+def test_what_is_too_old_is_late_and_has_no_numbers(estimate: GroundPlane | Attitude) -> None:
+    limit_ns = capture_ns(estimate) + STALE_NS
+    assert in_time(estimate, limit_ns) is estimate
+    late = in_time(estimate, limit_ns + 1)
+    assert isinstance(late, GroundPlane | Attitude)
+    assert (late.status, late.reason) == (Status.INVALID, Reason.LATE)
+    assert capture_ns(late) == capture_ns(estimate)
+    said = msgspec.structs.asdict(late)
+    for name in ("slope_sagittal_rad", "slope_frontal_rad", "height_m"):
+        assert name not in said or math.isnan(said[name])
+    for name in ("covariance", "q_WB", "w_WB_B_radps", "gyro_bias_B_radps", "rotation_cov_W_rad2"):
+        assert all(math.isnan(value) for value in said.get(name, ()))
+
+
+@pytest.mark.parametrize("estimate", [health(), invalid_ground()])
+def test_what_has_no_numbers_stays_as_it_is(estimate: Estimate) -> None:
+    assert in_time(estimate, 10**15) is estimate
+
+
+def test_a_late_plane_is_published_as_late_and_recorded_as_computed(tmp_path: Path) -> None:
+    info = RecordingInfo(device="t", source=Source.LIVE, calibration_text="", configuration_text="")
+    recorder = Recorder(tmp_path / "r.mcap", info)
+    listener, observed = Listener(), list[Estimate]()
+
+    def observe(estimate: Estimate, _header: FrameHeader | None) -> None:
+        observed.append(estimate)
+
+    outgoing = Outgoing([listener], Stamper("t", "boot", Source.LIVE), recorder, [observe])
+    computed = ground()
+    outgoing.send(computed, 0, lambda: capture_ns(computed) + 2 * STALE_NS, LatencyLog())
+    recorder.close()
+    with (tmp_path / "r.mcap").open("rb") as file:
+        recorded = [decode(m.data, GroundPlane) for _, _, m in make_reader(file).iter_messages(topics=["ground"])]
+    assert recorded == [computed]
+    assert [e.reason for e in (*listener.heard, *observed) if isinstance(e, GroundPlane)] == [Reason.LATE] * 2
+    assert outgoing.withdrawn == 1
+
+
+def test_an_exchanged_publisher_hands_its_errors_on() -> None:
+    old, can, new = Listener(errors=3), Listener("can", errors=5), Listener(errors=1)
+    outgoing = Outgoing([old, can], Stamper("t", "boot", Source.LIVE), None, [])
+    outgoing.exchange(old, new)
+    assert (outgoing.errors("zenoh"), outgoing.errors("can")) == (4, 5)
+    outgoing.send(health(), 0, lambda: 0, LatencyLog())
+    assert (len(old.heard), len(can.heard), len(new.heard)) == (0, 1, 1)
+    outgoing.close()
+    assert (old.closed, can.closed, new.closed) == (False, True, True)

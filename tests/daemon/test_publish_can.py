@@ -1,0 +1,131 @@
+"""The CAN publisher never waits in the pipeline's thread, sends nothing old and counts what it dropped."""
+
+import pytest
+
+from daemon.outgoing import STALE_NS
+from daemon.publish_can import CanPublisher
+from drivers.can.link import SendResult
+from messages import TOPIC_OF, GroundPlane, Health
+from messages.can_frames import CanFrame, CanMessage, can_id, decode
+from tests.bench.can_samples import attitude, ground, health, invalid_ground, stamp
+
+GROUND, QUALITY, HEALTH = (can_id(m) for m in (CanMessage.GROUND, CanMessage.GROUND_QUALITY, CanMessage.HEALTH))
+
+SENT_NS = 1_041_000_000
+"""A millisecond after the stamp."""
+
+
+class Link:
+    """Answers each frame with the next of `results`, and SENT when there is none."""
+
+    def __init__(self, *results: SendResult) -> None:
+        self.results = list(results)
+        self.offered: list[CanFrame] = []
+        self.closed = False
+
+    def send(self, frame: CanFrame) -> SendResult:
+        self.offered.append(frame)
+        return self.results.pop(0) if self.results else SendResult.SENT
+
+    def close(self) -> None:
+        self.closed = True
+
+    @property
+    def ids(self) -> list[int]:
+        return [frame.can_id for frame in self.offered]
+
+
+def publisher_on(link: Link, now_ns: int = SENT_NS) -> CanPublisher:
+    return CanPublisher(link, now_ns=lambda: now_ns)
+
+
+def test_publishing_alone_touches_no_bus() -> None:
+    link = Link()
+    publisher_on(link).publish(ground(), stamp())
+    assert link.offered == []
+
+
+def test_an_estimate_goes_out_as_two_halves_and_health_as_one() -> None:
+    link = Link()
+    publisher = publisher_on(link)
+    publisher.publish(ground(), stamp(seq=5))
+    publisher.publish(health(), stamp())
+    publisher.drain(0.0)
+    assert link.ids == [GROUND, QUALITY, HEALTH]
+    assert (publisher.sent, publisher.errors) == (3, 0)
+
+
+def test_nothing_waits_so_nothing_is_sent() -> None:
+    link = Link()
+    publisher_on(link).drain(0.0)
+    assert link.offered == []
+
+
+def test_the_age_is_that_at_transmission() -> None:
+    link = Link()
+    sealed = stamp(t_publish_ns=1_040_000_000, age_s=0.040)
+    publisher = publisher_on(link, now_ns=1_047_000_000)
+    publisher.publish(ground(), sealed)
+    publisher.drain(0.0)
+    assert decode(CanMessage.GROUND, link.offered[0].data).numbers["age_ms"] == 47.0
+
+
+def test_a_newer_estimate_replaces_one_that_still_waits() -> None:
+    link = Link()
+    publisher = publisher_on(link)
+    for seq in range(3):
+        publisher.publish(ground(height_m=1.0 + seq), stamp(seq=seq))
+    publisher.drain(0.0)
+    assert decode(CanMessage.GROUND, link.offered[0].data).numbers["height_m"] == pytest.approx(3.0)
+    assert link.ids == [GROUND, QUALITY]
+    assert (publisher.superseded, publisher.errors) == (2, 2)
+
+
+@pytest.mark.parametrize("cause", [SendResult.QUEUE_FULL, SendResult.LINK_DOWN])
+def test_a_dropped_first_half_takes_the_second_with_it_and_is_counted(cause: SendResult) -> None:
+    link = Link(cause)
+    publisher = publisher_on(link)
+    for seq in range(2):
+        publisher.publish(ground(), stamp(seq=seq))
+        publisher.drain(0.0)
+    assert link.ids == [GROUND, GROUND, QUALITY]
+    assert publisher.failures[cause] == publisher.errors == 1
+    assert publisher.sent == 2
+
+
+def test_other_estimates_do_not_go_on_can() -> None:
+    link = Link()
+    publisher = publisher_on(link)
+    publisher.publish(attitude(), stamp())
+    publisher.drain(0.0)
+    assert link.offered == []
+
+
+def test_closing_releases_the_bus_and_sends_nothing_more() -> None:
+    link = Link()
+    publisher = publisher_on(link)
+    publisher.publish(ground(), stamp())
+    publisher.close()
+    assert link.closed
+    assert link.offered == []
+
+
+def test_what_waited_for_a_blocked_bus_until_it_was_too_old_is_dropped_and_counted() -> None:
+    link = Link()
+    publisher = publisher_on(link, now_ns=1_000_000_000 + STALE_NS + 1)
+    publisher.publish(ground(), stamp(t_publish_ns=1_050_000_000, age_s=0.050))
+    publisher.drain(0.0)
+    assert link.offered == []
+    assert (publisher.late, publisher.errors) == (1, 1)
+
+
+@pytest.mark.parametrize("estimate", [invalid_ground(), health()])
+def test_what_has_no_number_to_grow_old_waits_for_its_deadline(estimate: GroundPlane | Health) -> None:
+    deadline_ns = round(1e9 * TOPIC_OF[type(estimate)].deadline_s)
+    for waited_ns, sent in ((deadline_ns, True), (deadline_ns + 1, False)):
+        link = Link()
+        publisher = publisher_on(link, now_ns=1_040_000_000 + waited_ns)
+        publisher.publish(estimate, stamp())
+        publisher.drain(0.0)
+        assert bool(link.offered) is sent
+        assert publisher.late == (not sent)

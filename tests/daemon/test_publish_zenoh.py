@@ -1,0 +1,189 @@
+"""What a client on loopback sees of the Zenoh publisher: exact keys, flat JSON, answers, presence."""
+
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import jsonschema  # type: ignore[import-untyped]  # the package carries no type hints
+import msgspec
+import pytest
+import zenoh
+
+from daemon.publish_zenoh import ZenohPublisher, ZenohSettings
+from drivers.protocols import DeviceError
+from messages import TOPICS, Calibration, Estimate, GroundPlane, Source
+from messages.codec import decode, published_schemas
+from tests.bench.can_samples import attitude, calibration, ground, health, invalid_ground, stamp
+from tests.bench.zenoh_peer import arrival, client, free_endpoint
+
+
+class Configuration(msgspec.Struct, frozen=True):
+    rate_hz: float = 20.0
+
+
+def publisher(endpoint: str, device: str = "unit-1", *, replay: bool = False) -> ZenohPublisher:
+    return ZenohPublisher(
+        ZenohSettings(listen=endpoint),
+        device,
+        calibration=calibration(),
+        configuration=Configuration(),
+        replay=replay,
+    )
+
+
+@pytest.fixture
+def endpoint() -> str:
+    return free_endpoint()
+
+
+@pytest.fixture
+def live(endpoint: str) -> Iterator[ZenohPublisher]:
+    made = publisher(endpoint)
+    yield made
+    made.close()
+
+
+def test_ground_arrives_under_its_exact_key_as_flat_json(live: ZenohPublisher, endpoint: str) -> None:
+    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v1") as subscriber:
+        sample = arrival(subscriber, lambda: live.publish(ground(), stamp()))
+    assert str(sample.key_expr) == "gaiteyes/unit-1/ground/v1"
+    assert sample.encoding == zenoh.Encoding.APPLICATION_JSON
+    assert sample.priority == zenoh.Priority.REAL_TIME
+    assert sample.congestion_control == zenoh.CongestionControl.DROP
+    told = json.loads(sample.payload.to_bytes())
+    assert told["topic"] == "ground"
+    assert (told["device"], told["boot_id"], told["source"], told["age_s"]) == ("unit-1", "boot", "live", 0.04)
+    assert decode(sample.payload.to_bytes(), GroundPlane) == ground()
+
+
+def test_what_is_not_known_is_null(live: ZenohPublisher, endpoint: str) -> None:
+    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v1") as subscriber:
+        sample = arrival(subscriber, lambda: live.publish(invalid_ground(), stamp()))
+    told = json.loads(sample.payload.to_bytes())
+    assert told["slope_sagittal_rad"] is None
+    assert told["reason"] == "no_frame"
+    assert math.isnan(decode(json.dumps(told), GroundPlane).height_m)
+
+
+def test_a_replay_never_publishes_or_lives_where_a_live_device_does(endpoint: str) -> None:
+    made = publisher(endpoint, replay=True)
+    with (
+        client(endpoint) as session,
+        session.declare_subscriber("gaiteyes/unit-1/replay/ground/v1") as of_replay,
+        session.declare_subscriber("gaiteyes/unit-1/ground/v1") as of_live,
+    ):
+        sample = arrival(of_replay, lambda: made.publish(ground(), stamp(source=Source.REPLAY)))
+        assert json.loads(sample.payload.to_bytes())["source"] == "replay"
+        assert of_live.try_recv() is None
+        assert alive(session, "gaiteyes/unit-1/replay/alive") == ["gaiteyes/unit-1/replay/alive"]
+        assert alive(session, "gaiteyes/unit-1/alive") == []
+    made.close()
+
+
+def alive(session: zenoh.Session, key: str) -> list[str]:
+    return [str(reply.ok.key_expr) for reply in session.liveliness().get(key, timeout=2.0) if reply.ok is not None]
+
+
+def test_presence_is_shown_and_taken_back(endpoint: str) -> None:
+    made = publisher(endpoint)
+    key = "gaiteyes/unit-1/alive"
+    with client(endpoint) as session, session.liveliness().declare_subscriber(key, history=True) as presence:
+        assert arrival(presence).kind == zenoh.SampleKind.PUT
+        made.close()
+        assert arrival(presence).kind == zenoh.SampleKind.DELETE
+
+
+def answer(session: zenoh.Session, key: str) -> bytes:
+    (reply,) = [reply for reply in session.get(key, timeout=5.0) if reply.ok is not None]
+    assert reply.ok is not None
+    return bytes(reply.ok.payload.to_bytes())
+
+
+def test_calibration_configuration_and_schema_are_answered(live: ZenohPublisher, endpoint: str) -> None:
+    with client(endpoint) as session:
+        assert decode(answer(session, "gaiteyes/unit-1/calibration"), Calibration) == calibration()
+        assert json.loads(answer(session, "gaiteyes/unit-1/configuration")) == {"rate_hz": 20.0}
+        assert json.loads(answer(session, "gaiteyes/unit-1/schema")) == published_schemas()
+
+
+ESTIMATES: dict[str, Estimate] = {"attitude": attitude(), "ground": ground(), "health": health()}
+
+
+def test_the_samples_here_are_all_published_topics() -> None:
+    assert set(ESTIMATES) == {topic.name for topic in TOPICS.values() if topic.published}
+
+
+@pytest.mark.parametrize("topic", ESTIMATES)
+def test_every_published_topic_fits_the_schema_told_for_it(live: ZenohPublisher, endpoint: str, topic: str) -> None:
+    with client(endpoint) as session, session.declare_subscriber(f"gaiteyes/unit-1/{topic}/v1") as subscriber:
+        sample = arrival(subscriber, lambda: live.publish(ESTIMATES[topic], stamp()))
+    told = json.loads(sample.payload.to_bytes())
+    jsonschema.validate(told, published_schemas()[topic])
+    assert decode(sample.payload.to_bytes(), type(ESTIMATES[topic])) == ESTIMATES[topic]
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({**told, "age_s": "old"}, published_schemas()[topic])
+
+
+def next_seq(made: ZenohPublisher, subscriber: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]", seq: int) -> int:
+    sample = arrival(subscriber, lambda: made.publish(ground(), stamp(seq=seq)))
+    return int(json.loads(sample.payload.to_bytes())["seq"])
+
+
+def test_a_subscriber_that_stood_still_is_not_told_of_all_it_missed(live: ZenohPublisher, endpoint: str) -> None:
+    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v1") as subscriber:
+        arrival(subscriber, lambda: live.publish(ground(), stamp()))
+        missed = 10_000
+        for seq in range(missed):
+            live.publish(ground(), stamp(seq=seq))
+        backlog = list(iter(lambda: next_seq(live, subscriber, missed), missed))
+    assert 0 < len(backlog) < 0.2 * missed
+
+
+def test_publishing_without_a_listener_counts_as_sent(live: ZenohPublisher) -> None:
+    for seq in range(100):
+        live.publish(ground(), stamp(seq=seq))
+    assert (live.sent, live.errors) == (100, 0)
+
+
+def test_publishing_after_the_end_is_counted_and_not_raised(endpoint: str) -> None:
+    made = publisher(endpoint)
+    made.close()
+    made.publish(ground(), stamp())
+    assert (made.sent, made.errors) == (0, 1)
+
+
+def test_a_publisher_that_was_never_closed_does_not_keep_its_process_alive(endpoint: str) -> None:
+    program = f"""
+from daemon.publish_zenoh import ZenohPublisher, ZenohSettings
+from tests.bench.can_samples import calibration
+settings = ZenohSettings(listen={endpoint!r})
+publisher = ZenohPublisher(settings, "unit-1", calibration=calibration(), configuration=settings)
+raise SystemExit(7)
+"""
+    ended = subprocess.run([sys.executable, "-c", program], timeout=30.0, check=False, cwd=Path(__file__).parents[2])
+    assert ended.returncode == 7
+
+
+def test_a_taken_address_is_one_clear_line(live: ZenohPublisher, endpoint: str) -> None:
+    with pytest.raises(DeviceError) as refused:
+        publisher(endpoint)
+    assert str(refused.value).startswith(f"Zenoh: cannot listen on {endpoint}: the address is in use")
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("listen", ["garbage", "carrier/pigeon:1", "tcp/127.0.0.1:99999"])
+def test_an_address_that_is_none_is_one_clear_line(listen: str) -> None:
+    with pytest.raises(DeviceError) as refused:
+        publisher(listen)
+    assert str(refused.value).startswith(f"Zenoh: cannot listen on {listen}: ")
+    assert ".rs" not in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("device", ["", "a/b", "a*", "@a", "a b", "ä", "x" * 65])
+def test_a_device_name_that_is_no_key_is_refused(device: str) -> None:
+    with pytest.raises(DeviceError, match="letters, digits"):
+        publisher(free_endpoint(), device)

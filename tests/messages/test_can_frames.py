@@ -1,0 +1,229 @@
+"""The DBC, the Python enums and the C code made from the DBC are one contract; the protection is AUTOSAR's."""
+
+import enum
+import math
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from crccheck.crc import Crc8Autosar  # type: ignore[import-untyped]  # the package carries no type hints
+
+from messages import TOPIC_OF, DropCause, GaitPhase, GroundPlane, Health, Load, Reason, Source, Status
+from messages.can_frames import NOT_AVAILABLE, CanEncoder, CanMessage, database, decode, decode_ankle, profile
+from messages.e2e import E2eCheck, E2eReceiver, E2eSender, Profile2
+from tests.bench.can_samples import NAN, ground, health, invalid_ground, stamp
+
+ALL_MESSAGES = pytest.mark.parametrize("message", list(CanMessage))
+IDS_0_TO_15 = Profile2(length=8, data_ids=bytes(range(16)), max_delta=3, cycle_s=0.05)
+IDS_1_TO_16 = Profile2(length=8, data_ids=bytes(range(1, 17)), max_delta=3, cycle_s=0.05)
+
+
+def test_crc_gives_the_published_check_value() -> None:
+    assert Crc8Autosar.calc(b"123456789") == 0xDF
+
+
+def test_a_known_frame_of_profile_2_comes_out() -> None:
+    sender = E2eSender(IDS_0_TO_15)
+    sender.protect(bytes(8))
+    assert sender.protect(bytes(range(8))).hex(" ") == "bc 02 02 03 04 05 06 07"
+
+
+def test_sixteen_known_frames_of_profile_2_come_out() -> None:
+    sender = E2eSender(IDS_1_TO_16)
+    known = "1b 98 31 0d 18 9b 65 08 1d 9e 37 0b 1e 9d cd 0e"
+    sent = [sender.protect(bytes(8)) for _ in range(16)]
+    assert bytes(data[0] for data in sent).hex(" ") == known
+    assert [data[1] for data in sent] == [*range(1, 16), 0]
+
+
+def test_the_counter_leaves_the_other_nibble_alone() -> None:
+    assert E2eSender(IDS_0_TO_15).protect(bytes([0, 0xA7, 0, 0, 0, 0, 0, 0]))[1] == 0xA1
+
+
+@pytest.mark.parametrize(
+    ("lost", "expected"),
+    [(0, E2eCheck.OK), (2, E2eCheck.OK), (3, E2eCheck.WRONG_SEQUENCE), (15, E2eCheck.REPEATED)],
+)
+def test_the_receiver_bounds_the_step_of_the_counter(lost: int, expected: E2eCheck) -> None:
+    sender, receiver = E2eSender(IDS_0_TO_15), E2eReceiver(IDS_0_TO_15)
+    assert receiver.check(sender.protect(bytes(8)), 0) is E2eCheck.INITIAL
+    for _ in range(lost):
+        sender.protect(bytes(8))
+    assert receiver.check(sender.protect(bytes(8)), 1) is expected
+    assert receiver.check(sender.protect(bytes(8)), 2) is E2eCheck.OK
+
+
+def test_a_frame_sent_again_is_refused() -> None:
+    sender, receiver = E2eSender(IDS_0_TO_15), E2eReceiver(IDS_0_TO_15)
+    receiver.check(sender.protect(bytes(8)), 0)
+    data = sender.protect(bytes(8))
+    assert [receiver.check(data, t_ns) for t_ns in (1, 2)] == [E2eCheck.OK, E2eCheck.REPEATED]
+
+
+def test_a_damaged_frame_does_not_disturb_the_sequence() -> None:
+    sender, receiver = E2eSender(IDS_0_TO_15), E2eReceiver(IDS_0_TO_15)
+    receiver.check(sender.protect(bytes(8)), 0)
+    assert receiver.check(b"\xff" + sender.protect(bytes(8))[1:], 1) is E2eCheck.WRONG_CRC
+    assert receiver.check(sender.protect(bytes(8)), 2) is E2eCheck.OK
+
+
+@pytest.mark.parametrize("length", [0, 1, 7, 9])
+def test_a_frame_of_another_length_is_refused(length: int) -> None:
+    assert E2eReceiver(IDS_0_TO_15).check(bytes(length), 0) is E2eCheck.WRONG_LENGTH
+
+
+def test_after_a_silence_the_sequence_begins_anew() -> None:
+    sender, receiver = E2eSender(IDS_0_TO_15), E2eReceiver(IDS_0_TO_15)
+    times_ns = [0, 50_000_000, 220_000_000, 400_000_000, 450_000_000]  # silences of 170 and 180 ms: limit 175
+    checks = [receiver.check(sender.protect(bytes(8)), t_ns) for t_ns in times_ns]
+    assert checks == [E2eCheck.INITIAL, E2eCheck.OK, E2eCheck.OK, E2eCheck.INITIAL, E2eCheck.OK]
+
+
+@pytest.mark.parametrize(
+    ("message", "signal", "words"),
+    [
+        ("GROUND", "status", Status),
+        ("GROUND", "source", Source),
+        ("GROUND_QUALITY", "reason", Reason),
+        ("HEALTH", "source", Source),
+        ("HEALTH", "load", Load),
+        ("ANKLE_STATE", "phase", GaitPhase),
+    ],
+)
+def test_the_dbc_and_the_enums_hold_the_same_words(message: str, signal: str, words: type[enum.Enum]) -> None:
+    choices = database().get_message_by_name(message).get_signal_by_name(signal).choices
+    assert choices is not None
+    assert sorted(str(name) for name in choices.values()) == sorted(str(member.value) for member in words)
+
+
+@ALL_MESSAGES
+def test_every_number_that_can_be_missing_has_a_raw_value_for_it_outside_its_range(message: CanMessage) -> None:
+    for signal in database().get_message_by_name(message.value).signals:
+        if signal.unit is None:
+            continue
+        missing = [raw for raw, name in (signal.choices or {}).items() if str(name) == NOT_AVAILABLE]
+        assert len(missing) == 1, signal.name
+        low, high = signal.minimum, signal.maximum
+        assert low is not None
+        assert high is not None
+        assert not low <= missing[0] * signal.scale <= high
+        assert missing[0] != 0
+
+
+@ALL_MESSAGES
+def test_the_layout_is_that_of_profile_2(message: CanMessage) -> None:
+    definition = database().get_message_by_name(message.value)
+    assert definition.length == 8
+    assert not definition.is_extended_frame
+    for name, start, length in (("crc", 0, 8), ("counter", 8, 4)):
+        signal = definition.get_signal_by_name(name)
+        assert (signal.start, signal.length, signal.byte_order) == (start, length, "little_endian")
+    assert sum(signal.length for signal in definition.signals) == 64
+    assert len(profile(message).data_ids) == 16
+
+
+def test_no_two_messages_share_a_data_id() -> None:
+    ids = [data_id for message in CanMessage for data_id in profile(message).data_ids]
+    assert len(set(ids)) == 16 * len(CanMessage)
+
+
+def test_the_cycle_times_are_those_of_the_topics() -> None:
+    cycles = {message.value: profile(message).cycle_s for message in CanMessage}
+    assert cycles["GROUND"] == cycles["GROUND_QUALITY"] == pytest.approx(1.0 / TOPIC_OF[GroundPlane].rate_hz)
+    assert cycles["HEALTH"] == pytest.approx(1.0 / TOPIC_OF[Health].rate_hz)
+
+
+@pytest.mark.parametrize("status", Status)
+@pytest.mark.parametrize("source", Source)
+def test_status_and_source_travel_as_words(status: Status, source: Source) -> None:
+    sent = ground() if status is Status.VALID else invalid_ground(status)
+    first, _ = CanEncoder().ground(sent, stamp(source=source), 0.05)
+    assert decode(CanMessage.GROUND, first.data).words == {"status": status.value, "source": source.value}
+
+
+def test_quality_tells_deviations_and_the_calibration() -> None:
+    _, second = CanEncoder().ground(ground(), stamp(), 0.05)
+    told = decode(CanMessage.GROUND_QUALITY, second.data)
+    assert told.numbers["slope_sagittal_sd_rad"] == pytest.approx(0.01)
+    assert told.numbers["slope_frontal_sd_rad"] == pytest.approx(0.02)
+    assert told.numbers["height_sd_m"] == pytest.approx(0.003)
+    assert f"{round(told.numbers['calibration_id']):03x}" == "a3f"
+    assert told.words["reason"] == "none"
+
+
+@pytest.mark.parametrize("variance", [NAN, -1e-9, 1.0])
+def test_a_deviation_that_cannot_be_told_voids_the_estimate(variance: float) -> None:
+    first, second = CanEncoder().ground(ground(covariance=(1e-4, 0.0, 0.0, variance, 0.0, 1e-6)), stamp(), 0.05)
+    told = decode(CanMessage.GROUND, first.data)
+    assert told.words["status"] == "invalid"
+    assert math.isnan(told.numbers["height_m"])
+    assert decode(CanMessage.GROUND_QUALITY, second.data).words["reason"] == "out_of_range"
+
+
+@pytest.mark.parametrize("age_s", [-0.002, NAN])
+def test_an_impossible_age_is_not_available(age_s: float) -> None:
+    first, _ = CanEncoder().ground(ground(), stamp(), age_s)
+    assert math.isnan(decode(CanMessage.GROUND, first.data).numbers["age_ms"])
+
+
+def test_health_counts_modulo_4096() -> None:
+    sent = health(imu_lost=4097, frames_dropped={DropCause.LATE: 4000, DropCause.CORRUPT: 100})
+    told = decode(CanMessage.HEALTH, CanEncoder().health(sent, stamp()).data)
+    assert told.words == {"source": "live", "load": "reduced"}
+    counts = ("imu_lost", "imu_bus_errors", "frames_dropped", "frames_refused")
+    assert [told.numbers[name] for name in counts] == [1.0, 2.0, 4.0, 5.0]
+
+
+def test_a_phase_without_a_word_reads_as_unknown() -> None:
+    assert decode_ankle(bytes([0, 0xF1, 0, 0, 0, 0, 0, 0]), 0).phase is GaitPhase.UNKNOWN
+
+
+C_PROGRAM = r"""
+#include <stdio.h>
+#include "gaiteyes.h"
+
+int main(void)
+{
+    unsigned byte;
+    uint8_t data[8];
+    struct gaiteyes_ground_t ground;
+    for (int i = 0; i < 8; i++) {
+        if (scanf("%2x", &byte) != 1) return 1;
+        data[i] = (uint8_t)byte;
+    }
+    if (gaiteyes_ground_unpack(&ground, data, sizeof(data)) != 0) return 2;
+    printf("%d %d %.4f %.4f %.3f %d %d\n",
+           ground.status == GAITEYES_GROUND_STATUS_VALID_CHOICE, ground.source == GAITEYES_GROUND_SOURCE_LIVE_CHOICE,
+           gaiteyes_ground_slope_sagittal_rad_decode(ground.slope_sagittal_rad),
+           gaiteyes_ground_slope_frontal_rad_decode(ground.slope_frontal_rad),
+           gaiteyes_ground_height_m_decode(ground.height_m), ground.age_ms,
+           ground.slope_sagittal_rad == GAITEYES_GROUND_SLOPE_SAGITTAL_RAD_NOT_AVAILABLE_CHOICE);
+    return 0;
+}
+"""
+
+
+def test_the_codec_that_cantools_makes_for_a_microcontroller_reads_the_same(tmp_path: Path) -> None:
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    dbc = Path(__file__).parents[2] / "messages" / "gaiteyes.dbc"
+    subprocess.run(
+        [sys.executable, "-m", "cantools", "generate_c_source", "-o", str(tmp_path), str(dbc)],
+        check=True,
+        capture_output=True,
+    )
+    if compiler is None:
+        pytest.skip("no C compiler on this machine")
+    (tmp_path / "main.c").write_text(C_PROGRAM)
+    program = tmp_path / "program"
+    sources = [str(tmp_path / "main.c"), str(tmp_path / "gaiteyes.c")]
+    subprocess.run([compiler, "-std=c99", "-Wall", "-Werror", "-o", str(program), *sources], check=True)
+
+    def read_in_c(data: bytes) -> str:
+        told = subprocess.run([str(program)], input=data.hex(" "), text=True, capture_output=True, check=True)
+        return told.stdout.strip()
+
+    encoder = CanEncoder()
+    assert read_in_c(encoder.ground(ground(), stamp(), 0.0405)[0].data) == "1 1 0.1000 -0.0500 0.931 41 0"
+    assert read_in_c(encoder.ground(invalid_ground(), stamp(), 0.0405)[0].data).endswith(" 41 1")
