@@ -12,15 +12,13 @@ import argparse
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impedance.ankle.impedance import AXES, identify, spline
 from impedance.ankle.motion import bodies_of, motion_of
 from impedance.ankle.trial import Perturbation
+from messages.arrays import BoolArray, FloatArray
 from sim_rig.platform.ankle import AT_15_DB, FLAT_FOOT, SEED_NOISE, AnkleNoise, AnkleRun, measured, walk
 from sim_rig.platform.ankle_person import person
-
-Array = NDArray[np.float64]
 
 CASES = (
     ("random, 10 cycles, 15 dB", Perturbation.RANDOM, 10, 0, AT_15_DB),
@@ -36,14 +34,14 @@ _MEAN_OF_NORMAL = float(np.sqrt(2.0 / np.pi))
 class Outcome:
     """Of one seed, both axes (2,): mean errors and bounds (shares of the truth), coverage of 95 % intervals, VAF."""
 
-    stiffness_error: Array
-    damping_error: Array
-    stiffness_bound: Array
-    damping_bound: Array
-    stiffness_covered: Array
-    damping_covered: Array
-    vaf: Array
-    inertia_off: Array
+    stiffness_error: FloatArray
+    damping_error: FloatArray
+    stiffness_bound: FloatArray
+    damping_bound: FloatArray
+    stiffness_covered: FloatArray
+    damping_covered: FloatArray
+    vaf: FloatArray
+    inertia_off: FloatArray
     """The foot's moment of inertia minus the truth, in its own standard deviations."""
 
 
@@ -73,7 +71,7 @@ def outcome(kind: Perturbation, cycles: int, unperturbed: int, noise: AnkleNoise
 
 
 def _bounds(
-    run: AnkleRun, counted: NDArray[np.bool_], axis: int, noise_nm: float, stance: Array, K: Array, B: Array
+    run: AnkleRun, counted: BoolArray, axis: int, noise_nm: float, stance: FloatArray, K: FloatArray, B: FloatArray
 ) -> tuple[float, float]:
     """Return the least mean errors of K and B."""
     shapes = spline(run.stance[counted], FLAT_FOOT, _BOUND_SPLINES)

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from vqf import VQF
@@ -22,11 +21,10 @@ from vqf import VQF
 from benchmarks.attitude_peers import Madgwick, Mahony, attitudes
 from benchmarks.broad import HELD_OUT, TUNING, Trial, trials, up_B_of
 from messages import Residual
+from messages.arrays import FloatArray, IntArray
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 from tests.bench.data_folder import shared_data
 from tests.bench.hip_motion import hip_motion, tilt_errors_W, with_mpu6050_noise
-
-Array = NDArray[np.float64]
 
 UNCALIBRATED = Residual(specific_force_mps2=0.05, scale=0.005)
 """What BROAD's and the foot's IMU, never calibrated, may be off: 5 mg, half a per cent."""
@@ -39,24 +37,24 @@ _HALF_SAMPLE = 0.5
 class Estimate:
     """What the filter said after each of n samples; NaN before its start. `cost_us` is the time of one update."""
 
-    R_WB: Array
-    w_B: Array
-    cov_W: Array
+    R_WB: FloatArray
+    w_B: FloatArray
+    cov_W: FloatArray
     cost_us: float
 
     @property
-    def up_B(self) -> Array:
+    def up_B(self) -> FloatArray:
         """Return the vertical in B, (n, 3)."""
         return self.R_WB[:, 2, :]
 
-    def up_B_ahead(self, ahead_s: float) -> Array:
+    def up_B_ahead(self, ahead_s: float) -> FloatArray:
         """Return the vertical `ahead_s` after each sample, had the body turned on at its rate."""
         turn = ahead_s * np.cross(self.up_B, self.w_B)
         ahead = self.up_B + turn + 0.5 * ahead_s * np.cross(turn, self.w_B)
         return np.asarray(ahead / np.linalg.norm(ahead, axis=1, keepdims=True), dtype=np.float64)
 
 
-def estimate(t_ns: NDArray[np.int64], sf_B: Array, w_B: Array, residual: Residual) -> Estimate:
+def estimate(t_ns: IntArray, sf_B: FloatArray, w_B: FloatArray, residual: Residual) -> Estimate:
     """Return what the filter says, with its default settings."""
     attitude = AttitudeFilter(AttitudeSettings(), residual)
     R_WB, rates, cov_W = [], [], []
@@ -71,25 +69,25 @@ def estimate(t_ns: NDArray[np.int64], sf_B: Array, w_B: Array, residual: Residua
     return Estimate(np.array(R_WB), np.array(rates), np.array(cov_W), 1e6 * spent_s / len(t_ns))
 
 
-def coverage(tilt_W: Array, cov_W: Array) -> float:
+def coverage(tilt_W: FloatArray, cov_W: FloatArray) -> float:
     """Return the share of tilt errors (n, 2) inside the stated 95 % ellipse (χ² of two degrees of freedom, 5.99)."""
     squares = np.einsum("ni,nij,nj->n", tilt_W, np.linalg.inv(cov_W[:, :2, :2]), tilt_W)
     return float(np.mean(squares < 5.99))
 
 
-def tilt_of_up_W(R_WB: Array, true_up_B: Array) -> Array:
+def tilt_of_up_W(R_WB: FloatArray, true_up_B: FloatArray) -> FloatArray:
     """Return the tilt (n, 2) in W, rad, from an estimate to the true vertical seen in B."""
     up_W = np.einsum("nij,nj->ni", R_WB, true_up_B)
     return np.stack((-up_W[:, 1], up_W[:, 0]), axis=1)
 
 
-def vqf_up_B(sf_B: Array, w_B: Array, rate_hz: float) -> Array:
+def vqf_up_B(sf_B: FloatArray, w_B: FloatArray, rate_hz: float) -> FloatArray:
     """Return the vertical (n, 3) of VQF without magnetometer, defaults, at the end of each sample's period."""
     result = VQF(1.0 / rate_hz).updateBatch(np.ascontiguousarray(w_B), np.ascontiguousarray(sf_B))
     return up_B_of(result["quat6D"])
 
 
-def rms_deg(angles_rad: Array) -> float:
+def rms_deg(angles_rad: FloatArray) -> float:
     """Return the root mean square in degrees."""
     return float(np.degrees(np.sqrt(np.mean(angles_rad**2))))
 
@@ -97,7 +95,7 @@ def rms_deg(angles_rad: Array) -> float:
 def broad(console: Console) -> None:
     data = trials(shared_data("broad"))
     delay_s = float(np.mean([trial.imu_delay_s() for trial in data if trial.name[:2] in TUNING]))
-    peers: dict[str, Callable[[Trial], Array]] = {
+    peers: dict[str, Callable[[Trial], FloatArray]] = {
         "VQF": lambda t: vqf_up_B(t.sf_B, t.w_B, t.rate_hz),
         "Madgwick .12": lambda t: up_B_of(attitudes(Madgwick(0.12), t.sf_B, t.w_B, t.rate_hz)),
         "Madgwick .013": lambda t: up_B_of(attitudes(Madgwick(0.013), t.sf_B, t.w_B, t.rate_hz)),
@@ -185,7 +183,7 @@ def walks(console: Console) -> None:
     console.print(table)
 
 
-def foot_errors_rad(folder: Path) -> tuple[Array, Array]:
+def foot_errors_rad(folder: Path) -> tuple[FloatArray, FloatArray]:
     """Return the errors of this filter and of VQF on a walking foot, against gravity where the foot stands flat."""
     rows = np.loadtxt(folder / "short_walk.csv.gz", delimiter=",", skiprows=1)
     rows = rows[np.diff(rows[:, 0], prepend=-1.0) > 0.0]
@@ -207,7 +205,7 @@ def foot(console: Console) -> None:
     )
 
 
-def euroc_error_rad(folder: Path) -> Array:
+def euroc_error_rad(folder: Path) -> FloatArray:
     """Return the error of this filter on a flight, at the times of the truth from the filter's start on."""
     imu = [line.split(",") for line in _lines(folder / "imu0.csv.gz")]
     truth = [line.split(",") for line in _lines(folder / "truth_recomputed_20hz.csv")]

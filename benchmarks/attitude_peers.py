@@ -4,12 +4,10 @@ import math
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from messages import Quaternion, Vec3
+from messages.arrays import FloatArray
 from perception import so3, vec3
-
-Array = NDArray[np.float64]
 
 
 class Peer(Protocol):
@@ -65,7 +63,7 @@ class Madgwick:
         self.q_WB = so3.normalised((w + dw * dt_s, x + dx * dt_s, y + dy * dt_s, z + dz * dt_s))
 
 
-def attitudes(peer: Peer, sf_B: Array, w_B: Array, rate_hz: float) -> Array:
+def attitudes(peer: Peer, sf_B: FloatArray, w_B: FloatArray, rate_hz: float) -> FloatArray:
     """Return the quaternions (n, 4) of a peer that starts level with, and free of the bias of, its first second."""
     first = slice(0, round(rate_hz))
     x, y, z = sf_B[first].mean(axis=0).tolist()

@@ -15,7 +15,7 @@ from scipy.optimize import Bounds, minimize
 
 from discrepancy.problem import Problem
 from discrepancy.search.refits import base_of
-from discrepancy.simulation import FloatArray
+from messages.arrays import FloatArray
 from messages.errors import UserError
 
 _MOST_INPUTS: Final = 8  # principal components of the inputs, and as many of their rates

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impedance.body.pendulum import (
     centre_of_lines,
@@ -24,10 +23,9 @@ from impedance.body.pendulum import (
     torsional_inertia,
 )
 from impedance.identification.propagation import propagated
+from messages.arrays import FloatArray
 
-Array = NDArray[np.float64]
-
-Centre = Callable[[Array, Array], Array]
+Centre = Callable[[FloatArray, FloatArray], FloatArray]
 
 BICYCLES = ("Browser", "Browserins", "Balanceassistv1", "Rigid")
 _LINE = re.compile(r"^(\w+)\s*=\s*(.+)$")
@@ -68,7 +66,7 @@ def compared(folder: Path, name: str, centre: Centre = centre_of_lines) -> list[
     deviation = np.array([np.sqrt(sum(d * d for _, d in readings[key])) / len(readings[key]) for key in keys])
     names = list(inertial_parameters(dict(zip(keys, mean.tolist(), strict=True)), centre))
 
-    def evaluated(x: Array) -> Array:
+    def evaluated(x: FloatArray) -> FloatArray:
         return np.array([*inertial_parameters(dict(zip(keys, x.tolist(), strict=True)), centre).values()])
 
     ours = propagated(evaluated, mean, deviation)

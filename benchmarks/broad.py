@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from messages.arrays import BoolArray, FloatArray, IntArray
 
 TUNING = ("01", "10", "18", "26")
 HELD_OUT = ("07", "15", "24", "32")
@@ -26,20 +25,20 @@ class Trial:
 
     name: str
     rate_hz: float
-    t_s: Array
-    sf_B: Array
-    w_B: Array
-    counted: NDArray[np.bool_]
+    t_s: FloatArray
+    sf_B: FloatArray
+    w_B: FloatArray
+    counted: BoolArray
     camera_hz: float
-    camera_q_WB: Array
-    raw_w_B: Array
+    camera_q_WB: FloatArray
+    raw_w_B: FloatArray
 
     @property
-    def t_ns(self) -> NDArray[np.int64]:
+    def t_ns(self) -> IntArray:
         """Return the times of the samples in ns."""
         return np.round(1e9 * self.t_s).astype(np.int64)
 
-    def true_up_B(self, offset_s: float) -> Array:
+    def true_up_B(self, offset_s: float) -> FloatArray:
         """Return the vertical in B (n, 3), `offset_s` after each sample, interpolated; NaN where it was not seen."""
         position = np.clip((self.t_s + offset_s) * self.camera_hz, 0.0, len(self.camera_q_WB) - 1.001)
         index = np.floor(position).astype(int)
@@ -47,7 +46,7 @@ class Trial:
         up_B = (1.0 - share) * up_B_of(self.camera_q_WB[index]) + share * up_B_of(self.camera_q_WB[index + 1])
         return np.asarray(up_B / np.linalg.norm(up_B, axis=1, keepdims=True), dtype=np.float64)
 
-    def inclination_error_rad(self, up_B: Array, offset_s: float) -> Array:
+    def inclination_error_rad(self, up_B: FloatArray, offset_s: float) -> FloatArray:
         """Return the angle between `up_B` (n, 3) and the truth `offset_s` later, at the samples that count."""
         truth = self.true_up_B(offset_s)
         chosen = self.counted & ~np.isnan(truth[:, 0])
@@ -100,7 +99,7 @@ def _trial(path: Path) -> Trial:
         )
 
 
-def up_B_of(q_WB: Array) -> Array:
+def up_B_of(q_WB: FloatArray) -> FloatArray:
     """Return the vertical in B, (n, 3), of attitudes (n, 4)."""
     w, x, y, z = q_WB.T
     return np.stack((2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z), axis=1)

@@ -19,9 +19,9 @@ import numpy as np
 from daemon.pipeline import Pipeline
 from lab.faults.judgement import errors_of, flags
 from messages import Frame, GroundPlane, GroundTruth, ImuSample, Input, Status, StereoFrame, vec3
+from messages.arrays import FloatArray
 from perception.ground.foothold import FootholdSettings
 from perception.motion.ego_motion import EgoMotion, VisualOdometer
-from perception.so3 import Array
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
@@ -158,7 +158,7 @@ CONTRADICTIONS = (
 )
 
 
-def odometry_errors(told: Walk) -> tuple[Array, Array]:
+def odometry_errors(told: Walk) -> tuple[FloatArray, FloatArray]:
     """Return errors and truth (n, 6) of the rates (rad/s) and the velocity (m/s), in C."""
     calibration, shutter = told.wearer.calibration, told.wearer.shutter
     odometer = VisualOdometer(calibration.stereo)
@@ -177,7 +177,7 @@ def odometry_errors(told: Walk) -> tuple[Array, Array]:
     return np.array(errors), np.array(truths)
 
 
-def of_one_unit(task: tuple[int, str, float]) -> tuple[tuple[Array, Array], list[Judgement]]:
+def of_one_unit(task: tuple[int, str, float]) -> tuple[tuple[FloatArray, FloatArray], list[Judgement]]:
     """Return the odometry's errors, and what becomes of no fault and of each contradiction."""
     cv2.setNumThreads(1)
     told = walk(*task)
@@ -219,8 +219,8 @@ def main() -> None:
         print(f"{fault.name:36}{found} of {len(said)}" + "".join(f"{text:>20}" for text in numbers) + f"{wrong:>8}")
 
 
-def _rms(values: Array) -> Array:
-    rms: Array = np.sqrt((values**2).mean(axis=0))
+def _rms(values: FloatArray) -> FloatArray:
+    rms: FloatArray = np.sqrt((values**2).mean(axis=0))
     return rms
 
 

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
 from impedance.recording.force_noise import ChannelNoise, fit_force_noise
+from messages.arrays import FloatArray
 
 BESIDE = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "force_plate_at_rest"
 PLATES = ("FP1", "FP2")
 WRENCH = ("ForX", "ForY", "ForZ", "MomX", "MomY", "MomZ")
 
 
-def resting_plates(folder: Path) -> tuple[Array, dict[str, Array]]:
+def resting_plates(folder: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Return the stamps (n,) and each plate's wrench (n, 6) in N and N·m."""
     with gzip.open(folder / "stationary_60s.csv.gz", "rt", encoding="utf-8") as file:
         header = file.readline().strip().split(",")
@@ -27,7 +27,7 @@ def resting_plates(folder: Path) -> tuple[Array, dict[str, Array]]:
     return values[:, 0], {plate: values[:, places] for plate, places in columns.items()}
 
 
-def innovation_ratio(channel: ChannelNoise, y: Array) -> float:
+def innovation_ratio(channel: ChannelNoise, y: FloatArray) -> float:
     """Return how large another record's innovations are, in units of the model's."""
     white = channel.innovations(y - y.mean())[len(channel.autoregression) :]
     return float(white.std() / channel.innovation)

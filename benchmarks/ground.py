@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from messages import StereoFrame
+from messages.arrays import FloatArray
 from perception.depth.rectify import Rectifier, Window
 from perception.ground.estimator import heading
 from perception.ground.foothold import FootholdSettings
@@ -24,7 +24,6 @@ from perception.ground.plane import Plane
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
-FloatArray = NDArray[np.float64]
 SEEDS = (101, 102, 103)
 FRAMES = 40
 EVERY = 12

@@ -10,20 +10,19 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discrepancy.evidence.whitening import Whitening, whitening
 from discrepancy.simulation import Effect
 from lab.hidden.case import Case, Kind
 from lab.hidden.imu import write
+from messages.arrays import FloatArray
 from systems.imu import load
 from systems.imu.simulation import ImuSimulation
 
-Array = NDArray[np.float64]
 PRINTED = 0.5
 
 
-def columns(simulation: ImuSimulation, white: Whitening, effect: Effect) -> Array:
+def columns(simulation: ImuSimulation, white: Whitening, effect: Effect) -> FloatArray:
     """Return the whitened changes (p, samples) that the effect's parameters make, each by its scale."""
     start = {effect.qualified(name): value for each in effect.starts[-1:] for name, value in each.items()}
     base = simulation.predicted(start)
@@ -37,7 +36,7 @@ def columns(simulation: ImuSimulation, white: Whitening, effect: Effect) -> Arra
     return np.array(found)
 
 
-def left_over(a: Array, b: Array) -> float:
+def left_over(a: FloatArray, b: FloatArray) -> float:
     """Return the least share of a row's square in `a` that the rows of `b` leave."""
     size = np.linalg.norm(b, axis=1)
     basis, kept = np.linalg.qr((b[size > 0.0] / size[size > 0.0, None]).T)
@@ -48,7 +47,7 @@ def left_over(a: Array, b: Array) -> float:
     return float((1.0 - taken[told] / power[told]).min()) if told.any() else float("nan")
 
 
-def shares_of(simulation: ImuSimulation) -> Array:
+def shares_of(simulation: ImuSimulation) -> FloatArray:
     """Return the shares (e, e): row A, column B."""
     residual = (simulation.channels.values - simulation.predicted({})).T
     white = whitening(np.nan_to_num(residual), np.isfinite(residual))

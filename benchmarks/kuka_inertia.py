@@ -17,13 +17,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from impedance.body.physical import boundary, consistent, is_consistent
 from impedance.body.rigid_body import Inertia, regressor
-
-Array = NDArray[np.float64]
+from messages.arrays import BoolArray, FloatArray
 
 JOINTS = 7
 _LINK = 10
@@ -40,11 +38,11 @@ _FRICTION_SIZE = np.array([1.0, 1.0, 1.0])
 class Joint:
     """R and p (3,) of the joint in its parent link, its axis (3,), and the link that it carries."""
 
-    R: Array
-    p_m: Array
-    axis: Array
+    R: FloatArray
+    p_m: FloatArray
+    axis: FloatArray
     link: Inertia
-    friction: Array
+    friction: FloatArray
     """Coulomb, viscous, offset of the description (3,)."""
 
 
@@ -52,10 +50,10 @@ class Joint:
 class Run:
     """q, q̇, q̈ and τ, each (n, 7)."""
 
-    q: Array
-    rate: Array
-    acceleration: Array
-    torque: Array
+    q: FloatArray
+    rate: FloatArray
+    acceleration: FloatArray
+    torque: FloatArray
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ class Prediction:
 
     relative: float
     nrms: float
-    rms_nm: Array
+    rms_nm: FloatArray
 
 
 def read_arm(path: Path) -> list[Joint]:
@@ -105,13 +103,13 @@ def read_run(path: Path) -> Run:
     return Run(q, rate, acceleration, torque)
 
 
-def columns(joints: list[Joint], run: Run) -> Array:
+def columns(joints: list[Joint], run: Run) -> FloatArray:
     """Return the columns (n, 7, 91) of (1): seven links of ten, then Coulomb, viscous and offset of each joint."""
     count = len(run.q)
     w, alpha, a = np.zeros((3, count, 3))
     g = np.broadcast_to(_GRAVITY, (count, 3))
-    turns: list[Array] = []
-    wrenches: list[Array] = []
+    turns: list[FloatArray] = []
+    wrenches: list[FloatArray] = []
     for number, joint in enumerate(joints):
         turn = joint.R @ Rotation.from_rotvec(run.q[:, number, None] * joint.axis).as_matrix()
         a = a + np.cross(alpha, joint.p_m) + np.cross(w, np.cross(w, joint.p_m))
@@ -136,12 +134,12 @@ def columns(joints: list[Joint], run: Run) -> Array:
     return Y
 
 
-def told(joints: list[Joint]) -> Array:
+def told(joints: list[Joint]) -> FloatArray:
     """Return the parameters (91,) of the arm's description."""
     return np.concatenate([*(joint.link.vector for joint in joints), *(joint.friction for joint in joints)])
 
 
-def identified(Y: Array, torque: Array, prior: Array) -> Array:
+def identified(Y: FloatArray, torque: FloatArray, prior: FloatArray) -> FloatArray:
     """Return physically consistent parameters (91,) of samples Y (n, 7, 91), torque (n, 7)."""
     mass_kg = prior[: _LINK * JOINTS : _LINK, None]
     size = np.concatenate(((mass_kg * _LINK_SIZE).reshape(-1), np.tile(_FRICTION_SIZE, JOINTS)))
@@ -157,7 +155,7 @@ def identified(Y: Array, torque: Array, prior: Array) -> Array:
     return vector
 
 
-def _deviation(left: Array) -> Array:
+def _deviation(left: FloatArray) -> FloatArray:
     """Return (7,) the deviation that white noise of the same power at frequency zero has: what is left is friction and
     flexibility, not white, so that far fewer samples are independent than recorded.
     """
@@ -167,11 +165,11 @@ def _deviation(left: Array) -> Array:
     correlation /= correlation[0]
     positive = np.minimum.accumulate(correlation > 0.0, axis=0)
     independent = 2.0 * (correlation * positive).sum(axis=0) - 1.0
-    deviation: Array = np.sqrt((left**2).mean(axis=0) * independent)
+    deviation: FloatArray = np.sqrt((left**2).mean(axis=0) * independent)
     return deviation
 
 
-def judged(Y: Array, torque: Array, vector: Array) -> Prediction:
+def judged(Y: FloatArray, torque: FloatArray, vector: FloatArray) -> Prediction:
     """Return how well `vector` predicts."""
     left = torque - Y @ vector
     rms = np.sqrt((left**2).mean(axis=0))
@@ -182,7 +180,7 @@ def judged(Y: Array, torque: Array, vector: Array) -> Prediction:
     )
 
 
-def splits(count: int) -> dict[str, NDArray[np.bool_]]:
+def splits(count: int) -> dict[str, BoolArray]:
     """Return by name which samples (n,) are fitted; the others are held out."""
     place = np.arange(count) / count
     return {
@@ -199,7 +197,7 @@ def _found(element: ElementTree.Element, name: str) -> ElementTree.Element:
     return found
 
 
-def _vector(element: ElementTree.Element, name: str) -> Array:
+def _vector(element: ElementTree.Element, name: str) -> FloatArray:
     return np.array([float(each) for each in element.get(name, "0 0 0").split()])
 
 

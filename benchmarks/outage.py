@@ -12,20 +12,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 from benchmarks.attitude import coverage
 from messages import Residual, Status
+from messages.arrays import FloatArray
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 from perception.attitude.imu_model import corrected
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 from tests.bench.hip_motion import Motion, tilt_errors_W
 from tests.bench.imu_bench import ImuBench
-
-Array = NDArray[np.float64]
 
 OUTAGES_S = (0.05, 0.1, 0.2, 0.35, 0.5, 1.0, 2.0, 5.0, 10.0)
 RESTART_S = np.inf
@@ -40,8 +38,8 @@ class Recovery:
     """Seconds until VALID, infinite if never; then tilt errors (n, 2), rad, and stated covariances (n, 3, 3)."""
 
     valid_after_s: float
-    tilt_W: Array
-    cov_W: Array
+    tilt_W: FloatArray
+    cov_W: FloatArray
 
 
 def rig_motion(seed: int, scenario_name: str, seconds: float) -> tuple[Motion, Residual]:

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from cli.console import console, progress, table, write_json
-from impedance.body.rigid_body import Array
 from impedance.identification.bound import propagated, true_information
 from impedance.identification.identification import (
     BAND_SHARE,
@@ -33,6 +32,7 @@ from impedance.identification.spectra import Spectra
 from impedance.recording.recording import PlatformRecording
 from impedance.recording.synchronous import synchronous
 from impedance.thesis.estimator import Variant, foot_residual, least_residual, plate_residual
+from messages.arrays import FloatArray
 from sim_rig.platform.rig import FOOT, PLATE, THESIS_NOISE, Rig
 from sim_rig.platform.run import RunSettings, SimulatedRun, measured, simulate
 
@@ -46,10 +46,10 @@ class Judged:
     """What (10,) each parameter's errors are: root mean squares of ours and the first estimator's, bound, coverage."""
 
     title: str
-    bound: Array
-    rms: Array
-    first_rms: Array
-    coverage: Array
+    bound: FloatArray
+    rms: FloatArray
+    first_rms: FloatArray
+    coverage: FloatArray
     consistent: bool
     seconds: float
 
@@ -114,7 +114,7 @@ def judged(run: SimulatedRun, mechanism: Mechanism, draws: int, seed: int, many:
     )
 
 
-def first_estimate(recording: PlatformRecording) -> Array:
+def first_estimate(recording: PlatformRecording) -> FloatArray:
     """Return π (10,) of the thesis's estimator: the plate with its mass known, or the foot with the plate known."""
     if recording.foot is None:
         residual = plate_residual(recording, Variant())

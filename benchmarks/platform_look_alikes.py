@@ -15,9 +15,9 @@ import numpy as np
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate
 from discrepancy.search.search import Search
-from impedance.body.rigid_body import Array
 from lab.hidden.case import Case, Kind
 from lab.hidden.platform import SIZES, write
+from messages.arrays import FloatArray
 from systems.platform import load
 
 NOT_TOLD, HARDLY = 10.0, 0.01
@@ -49,7 +49,7 @@ def rows(folder: Path) -> list[tuple[str, float, str, float]]:
     return found
 
 
-def _signal(problem: Problem, own: Candidate, free: Array) -> Array | None:
+def _signal(problem: Problem, own: Candidate, free: FloatArray) -> FloatArray | None:
     """Return what an effect of medium size does, or None where its neutral value tells no direction."""
     if own.start or len(own.choice) > 1 or own.effect not in SIZES:
         return None
@@ -62,7 +62,7 @@ def _signal(problem: Problem, own: Candidate, free: Array) -> Array | None:
     return np.asarray(scales * free[own.columns[0]])
 
 
-def _left(signal: Array, others: Array) -> float:
+def _left(signal: FloatArray, others: FloatArray) -> float:
     weights = np.linalg.lstsq(others.T, signal, rcond=None)[0]
     return float(np.sum((signal - weights @ others) ** 2))
 

@@ -6,10 +6,11 @@ from scipy.signal import fftconvolve
 from impedance.body import geometry
 from impedance.body.equations import body_wrench, plate_and_foot_wrench, tare
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array, Inertia, wrench_transform
+from impedance.body.rigid_body import Inertia, wrench_transform
 from impedance.thesis.signals import LOW_PASS_LOST, derivative_taps, low_pass_taps, low_passed
 from lab.thesis.printed import FOOT as PRINTED_FOOT
 from lab.thesis.printed import RATES_HZ, body_of
+from messages.arrays import FloatArray
 from sim_rig.platform.rig import FOOT, MOTION_HZ, PLATE, THESIS_NOISE, UPPER_FRAME, Rig
 from sim_rig.platform.run import RunSettings, SimulatedRun, simulate
 
@@ -37,11 +38,11 @@ def signs(run: SimulatedRun) -> None:
     show("(1.b), (3) signs of d × (m p̈ − m g), plate, moment", printed[:, 3:] - true[:, 3:], true[:, 3:], "N m")
 
 
-def printed_moment(body: Inertia, motion: Kinematics) -> Array:
+def printed_moment(body: Inertia, motion: Kinematics) -> FloatArray:
     """Return the left side of (1.b) as printed, (n, 3)."""
     d, J, w, alpha = body.cog_m, body.inertia_kgm2, motion.w, motion.alpha
     cog_mps2 = motion.a_O_P + np.cross(alpha, d) + np.cross(w, np.cross(w, d))
-    moment: Array = alpha @ J.T + np.cross(w, w @ J.T) - np.cross(d, body.mass_kg * (cog_mps2 + motion.g_P))
+    moment: FloatArray = alpha @ J.T + np.cross(w, w @ J.T) - np.cross(d, body.mass_kg * (cog_mps2 + motion.g_P))
     return moment
 
 
@@ -125,7 +126,7 @@ def filters(run: SimulatedRun) -> None:
         )
 
 
-def show(what: str, error: Array, whole: Array, unit: str) -> None:
+def show(what: str, error: FloatArray, whole: FloatArray, unit: str) -> None:
     error_rms, whole_rms = (np.sqrt((values**2).mean(axis=0)) for values in (error, whole))
     cells = ", ".join(f"{e:.3g} of {w:.3g}" for e, w in zip(error_rms, whole_rms, strict=True))
     print(f"{what}: x, y, z {cells} {unit}")

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.files import CalibrationError, check_calibration
 from calib.strict_yaml import parse_yaml, read_text
 from messages import Calibration, ImuCalibration, Lens, Pose, Residual, StereoCalibration, matrix3, vec3
+from messages.arrays import FloatArray
 
 ASL_RESIDUAL = Residual(
     specific_force_mps2=0.1,
@@ -29,7 +29,6 @@ _ROTATION_TOLERANCE = 1e-4
 
 _LENS_MODELS = ("radial-tangential", "radtan", "plumb_bob")
 
-FloatArray = NDArray[np.float64]
 _Fields = Mapping[str, object]
 
 

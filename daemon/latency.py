@@ -4,7 +4,8 @@ from collections import deque
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
+
+from messages.arrays import FloatArray
 
 
 class FrameTimes(msgspec.Struct, frozen=True, kw_only=True):
@@ -62,7 +63,7 @@ class LatencyLog:
         return {**spreads, IMU_STAGE: _spread(1e-6 * self._samples_ns[: self._sample_count].astype(np.float64))}
 
 
-def _spread(values_ms: NDArray[np.float64]) -> Spread:
+def _spread(values_ms: FloatArray) -> Spread:
     if len(values_ms) == 0:
         return Spread(p50_ms=np.nan, p99_ms=np.nan, max_ms=np.nan)
     p50, p99 = np.percentile(values_ms, (50, 99))

@@ -17,8 +17,9 @@ from discrepancy.search.fit import Fit, Intervals
 from discrepancy.search.pruning import intervals_of, kept
 from discrepancy.search.scores import PENALTY, probability, threshold
 from discrepancy.search.search import Found, Search
-from discrepancy.simulation import FloatArray, Simulation
+from discrepancy.simulation import Simulation
 from discrepancy.verdict import Cause, Gain, Quantity, Remainder, Verdict, number
+from messages.arrays import FloatArray
 from messages.errors import UserError
 
 __all__ = ["Explanation", "explain"]

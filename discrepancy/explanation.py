@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from discrepancy.simulation import Channels, Effect, FloatArray
+from discrepancy.simulation import Channels, Effect
 from discrepancy.verdict import Quantity, Verdict
+from messages.arrays import FloatArray
 
 Status = Literal["accepted", "equivalent", "rejected"]
 

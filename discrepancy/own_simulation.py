@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from discrepancy.simulation import Channels, Effect, FloatArray, Parameter, Values
+from discrepancy.simulation import Channels, Effect, Parameter, Values
+from messages.arrays import FloatArray
 
 
 @dataclass(frozen=True)

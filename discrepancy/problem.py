@@ -7,13 +7,11 @@ column is the line between its neighbours: the same linear map for all, so that 
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from discrepancy.simulation import Channels, Effect, FloatArray, Parameter, Simulation, Values
+from discrepancy.simulation import Channels, Effect, Parameter, Simulation, Values
+from messages.arrays import BoolArray, FloatArray
 from messages.errors import UserError
 
-BoolArray = NDArray[np.bool_]
-ComplexArray = NDArray[np.complex128]
 LEAST_SAMPLES = 200
 _EDGE_SHARE = 0.005
 """Of the record at either end: filters and shifts in a simulation have no past or future there."""

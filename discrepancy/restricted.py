@@ -3,7 +3,8 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from discrepancy.simulation import Channels, Effect, FloatArray, Parameter, Simulation, Values
+from discrepancy.simulation import Channels, Effect, Parameter, Simulation, Values
+from messages.arrays import FloatArray
 from messages.errors import UserError
 
 

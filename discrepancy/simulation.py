@@ -10,10 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 Values = Mapping[str, float]
 """Parameters by name: one of the base model by its own, one of an effect as `effect.parameter`. What is missing has its

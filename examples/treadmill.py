@@ -15,7 +15,8 @@ from discrepancy.explain import explain
 from discrepancy.own_simulation import OwnSimulation
 from discrepancy.report.output import write
 from discrepancy.report.wording import headline, quantity_text
-from discrepancy.simulation import Channels, Effect, FloatArray, Parameter, Values
+from discrepancy.simulation import Channels, Effect, Parameter, Values
+from messages.arrays import FloatArray
 
 RATE_HZ, CUTOFF_HZ, EVERY, TAPS = 100.0, 6.0, 4, 31
 MATTERS_NM = 0.5

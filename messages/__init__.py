@@ -1,3 +1,4 @@
+from messages.arrays import DepthImage, GreyImage
 from messages.calibration import (
     Calibration,
     DepthCalibration,
@@ -32,14 +33,12 @@ from messages.inputs import (
     CanBusHealth,
     CanState,
     DepthFrame,
-    DepthImage,
     DeviceCounters,
     DropCause,
     DroppedFrame,
     Frame,
     FrameHeader,
     GaitPhase,
-    GreyImage,
     Image,
     ImuSample,
     Input,

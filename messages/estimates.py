@@ -5,9 +5,8 @@ calibration's id; `seq`, age, source and publishing time are added by the publis
 import enum
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
+from messages.arrays import FloatArray
 from messages.inputs import CanBusHealth, DropCause, Load, Vec3
 
 Quaternion = tuple[float, float, float, float]
@@ -15,7 +14,7 @@ Covariance3 = tuple[float, float, float, float, float, float]
 """Upper triangle (00, 01, 02, 11, 12, 22) of a symmetric 3×3 matrix."""
 
 
-def upper_triangle(symmetric: NDArray[np.float64]) -> Covariance3:
+def upper_triangle(symmetric: FloatArray) -> Covariance3:
     """Return a symmetric (3, 3) array as a message's covariance."""
     s: list[list[float]] = symmetric.tolist()
     return s[0][0], s[0][1], s[0][2], s[1][1], s[1][2], s[2][2]

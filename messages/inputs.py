@@ -7,12 +7,10 @@ stands and in which unit. Times are integer nanoseconds of CLOCK_MONOTONIC.
 import enum
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
+
+from messages.arrays import DepthImage, GreyImage
 
 Vec3 = tuple[float, float, float]
-GreyImage = NDArray[np.uint8]
-DepthImage = NDArray[np.uint16]
 Image = GreyImage | DepthImage
 
 

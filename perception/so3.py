@@ -8,32 +8,31 @@ error-state Kalman filter", arXiv:1711.02508.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from messages import Quaternion, Vec3
+from messages.arrays import FloatArray
 
 Rows = tuple[float, float, float, float, float, float, float, float, float]
 """A 3×3 matrix, row by row."""
 
-Array = NDArray[np.float64]
 
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 _SMALL_ANGLE_RAD = 1e-4
 
 
-def skew(v: Array) -> Array:
+def skew(v: FloatArray) -> FloatArray:
     """Return [v]×, the (3, 3) matrix with [v]× u = v × u."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-def exp(rotvec: Array) -> Array:
+def exp(rotvec: FloatArray) -> FloatArray:
     """Return the (3, 3) rotation by |rotvec| radians about rotvec (Rodrigues)."""
     x, y, z = rotvec
     return matrix_from_quaternion(quaternion_from_rotvec((float(x), float(y), float(z))))
 
 
-def log(R: Array) -> Array:
+def log(R: FloatArray) -> FloatArray:
     """Return the rotation vector (3,) of the rotation matrix `R`, its angle in [0, π]."""
     return np.array(rotvec_from_quaternion(quaternion_from_matrix(R)))
 
@@ -117,12 +116,12 @@ def transform(rows: Rows, v: Vec3) -> Vec3:
     return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
 
 
-def matrix_from_quaternion(q: Quaternion) -> Array:
+def matrix_from_quaternion(q: Quaternion) -> FloatArray:
     """Return the (3, 3) rotation matrix of the unit quaternion `q`."""
     return np.array(rows_from_quaternion(q)).reshape(3, 3)
 
 
-def quaternion_from_matrix(R: Array) -> Quaternion:
+def quaternion_from_matrix(R: FloatArray) -> Quaternion:
     """Return the unit quaternion, w ≥ 0, of the (3, 3) rotation matrix `R` (largest-component branch of Shepperd)."""
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     trace = a + e + i

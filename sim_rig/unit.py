@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.nominal import R_BL_NOMINAL
 from messages import Calibration, ImuCalibration, Lens, Pose, Residual, StereoCalibration, matrix3, vec3
+from messages.arrays import FloatArray
 from sim_rig.imu.chip_unit import ChipUnit, draw_chip_unit
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
@@ -65,7 +65,7 @@ class Unit:
         exact = self.exact_calibration()
         replace = msgspec.structs.replace
 
-        def axes(sigma: float) -> NDArray[np.float64]:
+        def axes(sigma: float) -> FloatArray:
             return rng.normal(0.0, sigma, 3)
 
         imu = replace(
@@ -94,7 +94,7 @@ def draw_unit(seed: int, *, rolling_shutter: bool = True) -> Unit:
     def within(limit: float) -> float:
         return float(np.clip(rng.normal(0.0, limit / 2), -limit, limit))
 
-    def rotation(limit_deg: float) -> NDArray[np.float64]:
+    def rotation(limit_deg: float) -> FloatArray:
         return Rotation.from_rotvec(np.deg2rad([within(limit_deg) for _ in range(3)])).as_matrix()
 
     left, right = (

@@ -17,8 +17,8 @@ from discrepancy.evidence.features import features
 from discrepancy.evidence.spectral_lines import strongest_line
 from discrepancy.evidence.whitening import Whitening
 from discrepancy.explanation import Adequacy
-from discrepancy.problem import BoolArray, ComplexArray, Problem
-from discrepancy.simulation import FloatArray
+from discrepancy.problem import Problem
+from messages.arrays import BoolArray, ComplexArray, FloatArray
 
 _STRETCHES = 40
 _LEAST_STRETCHES = 10

@@ -6,7 +6,7 @@ neighbourhood in time, their products, their odd and even distortions, distortio
 
 import numpy as np
 
-from discrepancy.simulation import FloatArray
+from messages.arrays import FloatArray
 
 _MOST_INPUTS = 12
 _MOST_MULTIPLIED = 8

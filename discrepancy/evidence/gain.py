@@ -4,8 +4,8 @@ import numpy as np
 
 from discrepancy.evidence.adequacy import LEVEL
 from discrepancy.problem import Problem
-from discrepancy.simulation import FloatArray
 from discrepancy.verdict import Gain, number
+from messages.arrays import FloatArray
 
 
 def nrmse(problem: Problem, residual: FloatArray) -> float:

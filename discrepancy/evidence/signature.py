@@ -4,9 +4,9 @@ import numpy as np
 from scipy import signal
 
 from discrepancy.evidence.whitening import Whitening
-from discrepancy.problem import ComplexArray, Problem
-from discrepancy.simulation import FloatArray
+from discrepancy.problem import Problem
 from discrepancy.verdict import Signature, number
+from messages.arrays import ComplexArray, FloatArray
 
 _OF_MOST = 0.25
 _IN_BAND = (0.05, 0.95)

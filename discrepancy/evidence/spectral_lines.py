@@ -14,7 +14,7 @@ import numpy as np
 from scipy import fft
 from scipy.ndimage import median_filter
 
-from discrepancy.simulation import FloatArray
+from messages.arrays import FloatArray
 
 _SHARE = 0.25
 """Of a channel's power over its running median: what one frequency alone does not hold in noise, however coloured."""

@@ -16,8 +16,7 @@ import numpy as np
 from scipy import fft
 from scipy.ndimage import binary_dilation
 
-from discrepancy.problem import BoolArray, ComplexArray
-from discrepancy.simulation import FloatArray
+from messages.arrays import BoolArray, ComplexArray, FloatArray
 
 _MOST_LAGS = 32
 _LOADING = 1e-5

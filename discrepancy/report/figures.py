@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from discrepancy.explanation import View
-from discrepancy.simulation import FloatArray
+from messages.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

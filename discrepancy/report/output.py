@@ -8,8 +8,9 @@ import numpy as np
 
 from discrepancy.explanation import Explanation
 from discrepancy.report.extended import extended_text
-from discrepancy.simulation import Channels, FloatArray
+from discrepancy.simulation import Channels
 from discrepancy.verdict import to_json
+from messages.arrays import FloatArray
 from messages.errors import UserError
 
 VERDICT, HELD_OUT, EXTENDED, REPORT = "verdict.json", "held_out.csv", "extended.toml", "report.html"

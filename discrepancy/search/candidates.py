@@ -10,7 +10,8 @@ import numpy as np
 
 from discrepancy.evidence.whitening import Whitening, whitening
 from discrepancy.problem import Problem
-from discrepancy.simulation import Effect, FloatArray
+from discrepancy.simulation import Effect
+from messages.arrays import FloatArray
 
 _RIDGE = 1e-9
 

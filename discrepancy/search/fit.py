@@ -13,7 +13,7 @@ import numpy as np
 
 from discrepancy.evidence.whitening import Whitening
 from discrepancy.problem import Problem
-from discrepancy.simulation import FloatArray
+from messages.arrays import FloatArray
 
 INTERVAL_95 = 1.96
 MOST_STEPS = 20

@@ -10,7 +10,7 @@ from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate, library, noise_beneath
 from discrepancy.search.fit import MOST_STEPS, Fit, Fitter, base_fit, columns_of
 from discrepancy.search.scores import PENALTY, Products, drops, products
-from discrepancy.simulation import FloatArray
+from messages.arrays import FloatArray
 
 _BASE_ROUNDS = 2
 _OTHER_COLOUR = 0.01

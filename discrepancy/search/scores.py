@@ -21,7 +21,7 @@ import numpy as np
 
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate
-from discrepancy.simulation import FloatArray
+from messages.arrays import FloatArray
 
 PENALTY = 8.0
 """By what each parameter must lower χ² to be worth naming, beside what chance reaches."""

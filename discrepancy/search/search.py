@@ -17,7 +17,7 @@ from discrepancy.search.candidates import Candidate, Library
 from discrepancy.search.fit import Fit
 from discrepancy.search.refits import Refits
 from discrepancy.search.scores import Products, chance_maximum, drops, inflation_of, pairs, threshold
-from discrepancy.simulation import FloatArray
+from messages.arrays import FloatArray
 
 _SHORT = 6
 """Of neutral candidates, and as many of started ones, that are refitted alone."""

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from messages import FrameHeader, GreyImage, StereoFrame
+from messages import FrameHeader, StereoFrame
+from messages.arrays import GreyImage
 
 GRID_NS = 50_000_000
 """20 frames a second, the rate the daemon works at."""

@@ -29,7 +29,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from messages.arrays import FloatArray
 
 _WINDOW_S = 10.0  # longer averages more, shorter follows a clock that drifts
 _SHORTEST_WINDOW_S = 0.5
@@ -64,7 +65,7 @@ class _Bounds:
     def clear(self) -> None:
         self._index[:] = -1
 
-    def relative_to(self, index: int, t_ns: int, window: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def relative_to(self, index: int, t_ns: int, window: int) -> tuple[FloatArray, FloatArray]:
         """Return (n,) sample offsets and (n,) times in ns, of the bounds within `window` samples before `index`."""
         used = self._index > max(-1, index - window)
         return (self._index[used] - index).astype(np.float64), (self._t_ns[used] - t_ns).astype(np.float64)
@@ -74,10 +75,10 @@ class _Bounds:
 class _Corridor:
     """All bounds, in samples and ns relative to the newest sample and to some instant."""
 
-    k_upper: NDArray[np.float64]
-    t_upper: NDArray[np.float64]
-    k_lower: NDArray[np.float64]
-    t_lower: NDArray[np.float64]
+    k_upper: FloatArray
+    t_upper: FloatArray
+    k_lower: FloatArray
+    t_lower: FloatArray
 
     def at(self, period_ns: float) -> tuple[float, float]:
         """Return L and U of the newest sample's instant; L > U if this period is impossible."""

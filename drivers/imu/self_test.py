@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.imu.chips import ChipModel
 from drivers.imu.frames import FRAME
 from drivers.imu.register_access import RegisterAccess
 from drivers.imu.registers import ACCEL_RANGES, GYRO_RANGES, SELF_TEST_ALL_AXES, RangeRow, Register
 from drivers.protocols import DeviceError
+from messages.arrays import FloatArray
 
 AXES = ("accelerometer x", "accelerometer y", "accelerometer z", "gyroscope x", "gyroscope y", "gyroscope z")
 
@@ -114,7 +114,7 @@ def run_self_test(access: RegisterAccess, chip: ChipModel, sleep: Callable[[floa
     return _judge(chip, codes, pushed - 0.5 * (before + after))
 
 
-def _measure(access: RegisterAccess, chip: ChipModel, push: int, sleep: Callable[[float], None]) -> NDArray[np.float64]:
+def _measure(access: RegisterAccess, chip: ChipModel, push: int, sleep: Callable[[float], None]) -> FloatArray:
     """Return the mean counts (6,), accelerometer first."""
     accel, gyro = ranges_under_test(chip)
     access.write_byte(Register.SMPLRT_DIV, _DIVIDER)
@@ -137,11 +137,11 @@ def _measure(access: RegisterAccess, chip: ChipModel, push: int, sleep: Callable
             f"IMU self-test: the unit moves (deviation {worst_g:.3f} g and {worst_deg_per_s:.1f} °/s, "
             f"allowed {_REST_STD_G} g and {_REST_STD_DEG_PER_S} °/s); it must lie at rest for two seconds"
         )
-    mean: NDArray[np.float64] = np.mean(counts, axis=0)
+    mean: FloatArray = np.mean(counts, axis=0)
     return mean
 
 
-def _judge(chip: ChipModel, codes: TrimCodes, response: NDArray[np.float64]) -> SelfTest:
+def _judge(chip: ChipModel, codes: TrimCodes, response: FloatArray) -> SelfTest:
     trims = factory_trim_lsb(chip, codes)
     has_all = {"a": all(codes.accel), "g": all(codes.gyro)}
     axes = tuple(

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from drivers.protocols import DeviceError
 from drivers.recording.asl_tables import Table, read_table
-from messages import DropCause, DroppedFrame, FrameHeader, GreyImage, ImuSample, Input, StereoFrame, Tick, vec3
+from messages import DropCause, DroppedFrame, FrameHeader, ImuSample, Input, StereoFrame, Tick, vec3
+from messages.arrays import FloatArray, GreyImage, IntArray
 
 FRAME_LATENCY_NS = 40_000_000
 """Mid-exposure to arrival, as of a ZED at 60 fps; the folder does not say. IMU samples arrive at their own time."""
@@ -43,14 +44,11 @@ _IMU_RANK, _FRAME_RANK, _TICK_RANK = range(3)
 _IMU_COLUMNS, _TRUTH_COLUMNS = 6, 7
 _QUATERNION_TOLERANCE = 0.01
 
-FloatArray = NDArray[np.float64]
-TimeArray = NDArray[np.int64]
-
 
 class TruthTrack(NamedTuple):
     """The body's pose: `t_ns` (n,), `q_WB` (n, 4) as w, x, y, z with w ≥ 0, `p_WB_m` (n, 3); W as in the file, z up."""
 
-    t_ns: TimeArray
+    t_ns: IntArray
     q_WB: FloatArray
     p_WB_m: FloatArray
 
@@ -220,7 +218,7 @@ def _paired(left: dict[int, Path], right: dict[int, Path]) -> list[_Shot]:
     return sorted(shots, key=itemgetter(0))
 
 
-def _nearest(t_ns: TimeArray, others_ns: TimeArray) -> NDArray[np.intp]:
+def _nearest(t_ns: IntArray, others_ns: IntArray) -> NDArray[np.intp]:
     """Return, for each time, the index of the nearest of the others; of two equally near ones the earlier."""
     after = np.searchsorted(others_ns, t_ns).clip(0, len(others_ns) - 1)
     before = (after - 1).clip(0)
@@ -235,7 +233,7 @@ def _imu_table(root: Path) -> Table:
     raise DeviceError(f"{root}: no IMU: none of {', '.join(names)}")
 
 
-def _lost_before(t_ns: TimeArray) -> list[int]:
+def _lost_before(t_ns: IntArray) -> list[int]:
     """Return how many samples are missing before each one, measured by the median interval."""
     if len(t_ns) < 2:
         return [0] * len(t_ns)

@@ -6,16 +6,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.protocols import DeviceError
+from messages.arrays import FloatArray, IntArray
 
 
 class Table(NamedTuple):
     """`t_ns` (n,) strictly increasing, `values` (n, columns) finite, `lines` the number of each row's line."""
 
-    t_ns: NDArray[np.int64]
-    values: NDArray[np.float64]
+    t_ns: IntArray
+    values: FloatArray
     lines: list[int]
 
 

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 from scipy.stats import norm
@@ -28,10 +27,8 @@ from scipy.stats import norm
 from impedance.ankle.mixed_model import Block, MixedFit, Prior, fit
 from impedance.ankle.motion import AnkleMotion, Bodies, bodies_of, motion_of
 from impedance.ankle.trial import AnkleTrial, Perturbation
+from messages.arrays import BoolArray, FloatArray, IntArray
 from messages.errors import UserError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 AXES: Final = ("dorsi_plantarflexion", "inversion_eversion")
 REFLEX_FROM_S: Final = 0.095
@@ -111,7 +108,7 @@ def identify(trial: AnkleTrial, points: int = 29) -> AnkleImpedance:
     return AnkleImpedance(stance, motion.rows[used], (first, second))
 
 
-def _used(trial: AnkleTrial, motion: AnkleMotion) -> NDArray[np.bool_]:
+def _used(trial: AnkleTrial, motion: AnkleMotion) -> BoolArray:
     """Return (n,) of the motion's samples: in a ramp's cycle only those before the reflex."""
     onset_s = np.array(
         [
@@ -127,7 +124,7 @@ def _identify_axis(
     trial: AnkleTrial,
     motion: AnkleMotion,
     bodies: Bodies,
-    used: NDArray[np.bool_],
+    used: BoolArray,
     axis: int,
     stance: FloatArray,
 ) -> AxisImpedance:

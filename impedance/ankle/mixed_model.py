@@ -22,11 +22,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_toeplitz
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from messages.arrays import FloatArray, IntArray
 
 _ROUNDS = 40
 _COLOURINGS = 1

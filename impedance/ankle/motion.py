@@ -12,14 +12,12 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impedance.ankle.trial import AnkleTrial, BodyPrior, TrialSettings, in_flat_foot
 from impedance.body.geometry import angular_acceleration, angular_velocity, rotation_IP
 from impedance.body.rigid_body import Inertia, regressor
 from impedance.identification.propagation import propagated
-
-FloatArray = NDArray[np.float64]
+from messages.arrays import FloatArray, IntArray
 
 _GRAVITY_I_MPS2: Final = np.array([0.0, -9.81, 0.0])
 PLATE_BAND_HZ: Final = (42.0, 65.0)
@@ -58,7 +56,7 @@ class AnkleMotion:
     `body_columns` (n, 2, 10) of one standard deviation each of π; `lever_columns` (n, 2, 3) of δr.
     """
 
-    rows: NDArray[np.int64]
+    rows: IntArray
     plate: FloatArray
     shank: FloatArray
     all_rates: FloatArray

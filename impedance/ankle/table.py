@@ -10,15 +10,13 @@ from typing import Annotated, Final
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from impedance.ankle.impedance import NORMAL_95, AnkleImpedance, AxisImpedance, Curve
 from impedance.ankle.trial import AnkleTrial, Manoeuvre, Perturbation
 from impedance.recording.plain_files import read_toml, write_toml
+from messages.arrays import BoolArray, FloatArray
 from messages.checked import checked
 from messages.errors import UserError
-
-FloatArray = NDArray[np.float64]
 
 _HEADING: Final = """\
 # Intrinsic impedance of an ankle over stance: 0 % heel strike, 100 % toe off; only where the foot is flat.
@@ -110,7 +108,7 @@ def _axis_table(axis: AxisImpedance, stance: FloatArray) -> AxisTable:
     )
 
 
-def _shown(name: str, curve: Curve, unknown: NDArray[np.bool_]) -> dict[str, list[float]]:
+def _shown(name: str, curve: Curve, unknown: BoolArray) -> dict[str, list[float]]:
     value: list[float] = np.where(unknown, np.nan, curve.value).tolist()
     return {name: value, f"{name}_low": curve.low.tolist(), f"{name}_high": curve.high.tolist()}
 

@@ -17,15 +17,12 @@ from typing import Annotated, Final
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from impedance.recording.plain_files import read_table, read_toml, write_table, write_toml
 from impedance.recording.table import read_columns, write_columns
+from messages.arrays import BoolArray, FloatArray, IntArray
 from messages.checked import checked
 from messages.errors import UserError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 COLUMNS: Final = (
     *("cycle", "t_s", "stance_percent", "plate_theta_rad", "plate_phi_rad", "shank_theta_rad", "shank_phi_rad"),
@@ -257,7 +254,7 @@ def _check_onsets(trial: AnkleTrial, path: Path) -> None:
             )
 
 
-def in_flat_foot(trial: AnkleTrial) -> NDArray[np.bool_]:
+def in_flat_foot(trial: AnkleTrial) -> BoolArray:
     """Return (n,) where the foot stands flat on the plate."""
     flat = trial.settings.flat_foot
     return (trial.stance >= 0.01 * flat.from_percent) & (trial.stance <= 0.01 * flat.to_percent)

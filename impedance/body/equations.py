@@ -16,10 +16,11 @@ The residuals (3) of the plate and (4) of the foot are these minus what was meas
 import numpy as np
 
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array, Inertia, wrench_transform
+from impedance.body.rigid_body import Inertia, wrench_transform
+from messages.arrays import FloatArray
 
 
-def body_wrench(body: Inertia, motion: Kinematics) -> Array:
+def body_wrench(body: Inertia, motion: Kinematics) -> FloatArray:
     """Return the wrench (n, 6) that moves `body` about its frame's origin: (1.a) and (1.b) before the tare.
 
     It is written with the motion of the centre of gravity; `Kinematics.regressor` says the same linear in ten
@@ -32,34 +33,36 @@ def body_wrench(body: Inertia, motion: Kinematics) -> Array:
     return np.hstack((f, T))
 
 
-def tare(body: Inertia) -> Array:
+def tare(body: Inertia) -> FloatArray:
     """Return (f0, T0) (6,): the wrench of `body` at rest on the level plate."""
-    rest: Array = body_wrench(body, Kinematics.at_rest(np.zeros((1, 3))))[0]
+    rest: FloatArray = body_wrench(body, Kinematics.at_rest(np.zeros((1, 3))))[0]
     return rest
 
 
-def plate_wrench(plate: Inertia, motion: Kinematics) -> Array:
+def plate_wrench(plate: Inertia, motion: Kinematics) -> FloatArray:
     """Return the measured wrench (n, 6) of the bare plate, tared: (1.a) and (1.b)."""
     return body_wrench(plate, motion) - tare(plate)
 
 
-def plate_and_foot_wrench(plate: Inertia, foot: Inertia, motion: Kinematics, R_PF: Array, p_PF_m: Array) -> Array:
+def plate_and_foot_wrench(
+    plate: Inertia, foot: Inertia, motion: Kinematics, R_PF: FloatArray, p_PF_m: FloatArray
+) -> FloatArray:
     """Return the measured wrench (n, 6) of plate and foot after the bare plate's tare: (2).
 
     `foot` is known in F; R_PF (3, 3) takes vectors from F to P, p_PF (3,) is F's origin in P.
     """
     foot_wrench = body_wrench(foot, motion.of_mounted(R_PF, p_PF_m))
-    both: Array = plate_wrench(plate, motion) + foot_wrench @ wrench_transform(R_PF, p_PF_m).T
+    both: FloatArray = plate_wrench(plate, motion) + foot_wrench @ wrench_transform(R_PF, p_PF_m).T
     return both
 
 
-def plate_residual(plate: Inertia, motion: Kinematics, wrench: Array) -> Array:
+def plate_residual(plate: Inertia, motion: Kinematics, wrench: FloatArray) -> FloatArray:
     """Return ε (n, 6) of (3)."""
     return plate_wrench(plate, motion) - wrench
 
 
 def foot_residual(
-    foot: Inertia, plate: Inertia, motion: Kinematics, R_PF: Array, p_PF_m: Array, wrench: Array
-) -> Array:
+    foot: Inertia, plate: Inertia, motion: Kinematics, R_PF: FloatArray, p_PF_m: FloatArray, wrench: FloatArray
+) -> FloatArray:
     """Return η (n, 6) of (4)."""
     return plate_and_foot_wrench(plate, foot, motion, R_PF, p_PF_m) - wrench

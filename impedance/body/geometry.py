@@ -12,13 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
+from messages.arrays import FloatArray
 
 GRAVITY_I_MPS2: Final = np.array([0.0, -9.81, 0.0])
 """Gravity in I, which has Y up."""
 
 
-def rotation_IP(psi: Array, theta: Array, phi: Array) -> Array:
+def rotation_IP(psi: FloatArray, theta: FloatArray, phi: FloatArray) -> FloatArray:
     """Return R_IP (n, 3, 3) of (1), which takes vectors from P to I; angles (n,) in rad."""
     psi, theta, phi = (np.asarray(angle, dtype=np.float64) for angle in (psi, theta, phi))
     sp, cp = np.sin(psi), np.cos(psi)
@@ -31,7 +31,7 @@ def rotation_IP(psi: Array, theta: Array, phi: Array) -> Array:
     return R
 
 
-def euler_of(R_IP: Array) -> Array:
+def euler_of(R_IP: FloatArray) -> FloatArray:
     """Return (ψ, θ, φ) (n, 3) of R_IP (n, 3, 3), the inverse of `rotation_IP` for |θ| < 90°."""
     return np.stack(
         (
@@ -43,23 +43,23 @@ def euler_of(R_IP: Array) -> Array:
     )
 
 
-def angular_velocity(euler_rad: Array, rate_radps: Array) -> Array:
+def angular_velocity(euler_rad: FloatArray, rate_radps: FloatArray) -> FloatArray:
     """Return ω (n, 3) of (2) in P, of Euler angles (n, 3) in the order (ψ, θ, φ) and their rates (n, 3)."""
     return _applied(_E(euler_rad), rate_radps)
 
 
-def angular_acceleration(euler_rad: Array, rate_radps: Array, acceleration_radps2: Array) -> Array:
+def angular_acceleration(euler_rad: FloatArray, rate_radps: FloatArray, acceleration_radps2: FloatArray) -> FloatArray:
     """Return α (n, 3) of (3) in P, of Euler angles (n, 3), their rates (n, 3) and second derivatives (n, 3)."""
     return _applied(_E(euler_rad), acceleration_radps2) + _applied(_E_rate(euler_rad, rate_radps), rate_radps)
 
 
-def joint_pose(theta: Array, phi: Array, joint_to_surface_m: float) -> tuple[Array, Array]:
+def joint_pose(theta: FloatArray, phi: FloatArray, joint_to_surface_m: float) -> tuple[FloatArray, FloatArray]:
     """Return p_IP_I (n, 3) and the Euler angles (n, 3) of the plate on its universal joint, at angles (n,) in rad."""
     euler_rad = np.stack((np.zeros_like(theta), theta, phi), axis=-1)
     return joint_to_surface_m * rotation_IP(*euler_rad.T)[..., :, 1], euler_rad
 
 
-def _E(euler_rad: Array) -> Array:
+def _E(euler_rad: FloatArray) -> FloatArray:
     _, theta, phi = euler_rad.T
     E = np.zeros((len(theta), 3, 3))
     E[:, 0, 0], E[:, 0, 2] = np.sin(theta), 1.0
@@ -68,7 +68,7 @@ def _E(euler_rad: Array) -> Array:
     return E
 
 
-def _E_rate(euler_rad: Array, rate_radps: Array) -> Array:
+def _E_rate(euler_rad: FloatArray, rate_radps: FloatArray) -> FloatArray:
     _, theta, phi = euler_rad.T
     _, theta_rate, phi_rate = rate_radps.T
     E = np.zeros((len(theta), 3, 3))
@@ -80,6 +80,6 @@ def _E_rate(euler_rad: Array, rate_radps: Array) -> Array:
     return E
 
 
-def _applied(matrices: Array, vectors: Array) -> Array:
-    product: Array = (matrices @ vectors[:, :, None])[:, :, 0]
+def _applied(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    product: FloatArray = (matrices @ vectors[:, :, None])[:, :, 0]
     return product

@@ -17,9 +17,8 @@ Kooijman, "Accurate measurement of bicycle parameters", Bicycle and Motorcycle D
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 _PEAK_SAMPLES = 8
 _NEWTON_STEPS = 50

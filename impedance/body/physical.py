@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
+from messages.arrays import FloatArray
 
 _LAST_BARRIER = 1e-7
 _FIRST_BARRIER = 1e3
@@ -36,7 +36,7 @@ class Boundary:
     is zero.
     """
 
-    normal: Array
+    normal: FloatArray
     thickness: float
     massless: bool
 
@@ -49,18 +49,18 @@ class Boundary:
         return f"triangle inequality active: all mass in the plane normal to ({direction})"
 
 
-def pseudo_inertia(vector: Array) -> Array:
+def pseudo_inertia(vector: FloatArray) -> FloatArray:
     """Return P (..., 4, 4) of (1) of parameters (..., 10)."""
-    matrix: Array = np.einsum("...k,kij->...ij", vector, _BASIS)
+    matrix: FloatArray = np.einsum("...k,kij->...ij", vector, _BASIS)
     return matrix
 
 
-def is_consistent(vector: Array) -> bool:
+def is_consistent(vector: FloatArray) -> bool:
     """Tell whether P of every body in (..., 10) is positive definite."""
     return bool((np.linalg.eigvalsh(pseudo_inertia(vector)) > 0.0).all())
 
 
-def consistent(information: Array, rhs: Array, bodies: int) -> Array:
+def consistent(information: FloatArray, rhs: FloatArray, bodies: int) -> FloatArray:
     """Return the minimiser (p,) of (2) with every body consistent; the plain solution where that is consistent already.
 
     `information` (p, p) and `rhs` (p,) are F and b; the first 10 · `bodies` parameters are inertias, further ones are
@@ -82,7 +82,7 @@ def consistent(information: Array, rhs: Array, bodies: int) -> Array:
     return vector
 
 
-def boundary(vector: Array) -> Boundary | None:
+def boundary(vector: FloatArray) -> Boundary | None:
     """Return what limit the body (10,) touches, if any: a thickness below a thousandth, or no mass."""
     mass_kg = float(vector[0])
     if mass_kg <= 0.0:
@@ -97,7 +97,7 @@ def boundary(vector: Array) -> Boundary | None:
     return Boundary(normal, thickness, massless=False)
 
 
-def _centred(vector: Array, F: Array, b: Array, bodies: int, barrier: float) -> Array:
+def _centred(vector: FloatArray, F: FloatArray, b: FloatArray, bodies: int, barrier: float) -> FloatArray:
     """Return the minimiser of (2) for one μ, from a `vector` inside."""
     inertial = 10 * bodies
     for _ in range(_NEWTON_STEPS):
@@ -118,7 +118,7 @@ def _centred(vector: Array, F: Array, b: Array, bodies: int, barrier: float) -> 
     return vector
 
 
-def _longest(vector: Array, step: Array, bodies: int) -> float:
+def _longest(vector: FloatArray, step: FloatArray, bodies: int) -> float:
     """Return a length of the step that stays well inside: at most 1, at most 0.7 of the way to the boundary."""
     P, dP = (pseudo_inertia(part[: 10 * bodies].reshape(bodies, 10)) for part in (vector, step))
     lower = np.linalg.inv(np.linalg.cholesky(P))
@@ -126,17 +126,17 @@ def _longest(vector: Array, step: Array, bodies: int) -> float:
     return min(1.0, 0.7 / outward) if outward > 0.0 else 1.0
 
 
-def _solved(matrix: Array, rhs: Array) -> Array:
+def _solved(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
     """Return the solution of a symmetric system, scaled to a unit diagonal; NaN if it is singular."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
     try:
-        solution: Array = scale * np.linalg.solve(matrix * np.outer(scale, scale), scale * rhs)
+        solution: FloatArray = scale * np.linalg.solve(matrix * np.outer(scale, scale), scale * rhs)
     except np.linalg.LinAlgError:
         return np.full(len(rhs), np.nan)
     return solution
 
 
-def _basis() -> Array:
+def _basis() -> FloatArray:
     """Return dP/dπ_k (10, 4, 4)."""
     basis = np.zeros((10, 4, 4))
     basis[0, 3, 3] = 1.0

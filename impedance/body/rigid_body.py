@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 TENSOR_ORDER: Final = ("xx", "yy", "zz", "yz", "xz", "xy")
 """The order of six tensor entries wherever they stand in a row."""
@@ -30,28 +29,28 @@ class Inertia:
     """
 
     mass_kg: float
-    cog_m: Array
-    inertia_kgm2: Array
+    cog_m: FloatArray
+    inertia_kgm2: FloatArray
 
     @classmethod
-    def from_vector(cls, vector: Array) -> "Inertia":
+    def from_vector(cls, vector: FloatArray) -> "Inertia":
         """Return the inertia of π (10,); without mass the centre of gravity is NaN, and so is the tensor."""
         mass_kg = float(vector[0])
-        cog_m: Array = vector[1:4] / mass_kg if mass_kg != 0.0 else np.full(3, np.nan)
+        cog_m: FloatArray = vector[1:4] / mass_kg if mass_kg != 0.0 else np.full(3, np.nan)
         return cls(mass_kg, cog_m, tensor_of(vector[4:]) - mass_kg * _spread(cog_m))
 
     @classmethod
-    def about(cls, mass_kg: float, cog_m: Array, six_kgm2: Array) -> "Inertia":
+    def about(cls, mass_kg: float, cog_m: FloatArray, six_kgm2: FloatArray) -> "Inertia":
         """Return the inertia of a tensor given by six entries about the centre of gravity, in TENSOR_ORDER."""
         return cls(mass_kg, np.asarray(cog_m, dtype=np.float64), tensor_of(np.asarray(six_kgm2, dtype=np.float64)))
 
     @property
-    def vector(self) -> Array:
+    def vector(self) -> FloatArray:
         """Return π (10,): mass, first moment (3), and the six entries of the tensor about the frame's origin."""
         about_origin = self.inertia_kgm2 + self.mass_kg * _spread(self.cog_m)
         return np.concatenate(([self.mass_kg], self.mass_kg * self.cog_m, six_of(about_origin)))
 
-    def about_cog(self) -> Array:
+    def about_cog(self) -> FloatArray:
         """Return the six entries (6,) of the tensor about the centre of gravity, in TENSOR_ORDER."""
         return six_of(self.inertia_kgm2)
 
@@ -78,7 +77,7 @@ class Inertia:
             )
         return self
 
-    def seen_from(self, R_PF: Array, p_PF_m: Array) -> "Inertia":
+    def seen_from(self, R_PF: FloatArray, p_PF_m: FloatArray) -> "Inertia":
         """Return the inertia in P of a body known in F: R_PF (3, 3) takes F's vectors to P, p_PF (3,) is F's origin."""
         return Inertia(self.mass_kg, p_PF_m + R_PF @ self.cog_m, R_PF @ self.inertia_kgm2 @ R_PF.T)
 
@@ -87,7 +86,7 @@ class Inertia:
         return Inertia.from_vector(self.vector + other.vector)
 
 
-def regressor(a_O: Array, g: Array, w: Array, alpha: Array) -> Array:
+def regressor(a_O: FloatArray, g: FloatArray, w: FloatArray, alpha: FloatArray) -> FloatArray:
     """Return Y (n, 6, 10) of (1) and (2), of arguments (n, 3) in the body's frame: the wrench (f, T) about O is Y π."""
     lift = a_O - g
     Y = np.zeros((len(w), 6, 10))
@@ -98,7 +97,7 @@ def regressor(a_O: Array, g: Array, w: Array, alpha: Array) -> Array:
     return Y
 
 
-def wrench_transform(R_PF: Array, p_PF_m: Array) -> Array:
+def wrench_transform(R_PF: FloatArray, p_PF_m: FloatArray) -> FloatArray:
     """Return X_PF (6, 6): the wrench about F's origin in F, taken to P's origin in P: (R f, R τ + p_PF × R f)."""
     X = np.zeros((6, 6))
     X[:3, :3] = X[3:, 3:] = R_PF
@@ -106,7 +105,7 @@ def wrench_transform(R_PF: Array, p_PF_m: Array) -> Array:
     return X
 
 
-def cross_matrix(v: Array) -> Array:
+def cross_matrix(v: FloatArray) -> FloatArray:
     """Return v× (n, 3, 3) of vectors (n, 3)."""
     matrix = np.zeros((len(v), 3, 3))
     matrix[:, 0, 1], matrix[:, 0, 2], matrix[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
@@ -114,24 +113,24 @@ def cross_matrix(v: Array) -> Array:
     return matrix
 
 
-def tensor_of(six: Array) -> Array:
+def tensor_of(six: FloatArray) -> FloatArray:
     """Return the symmetric tensor (3, 3) of six entries in TENSOR_ORDER."""
     xx, yy, zz, yz, xz, xy = six
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def six_of(tensor: Array) -> Array:
+def six_of(tensor: FloatArray) -> FloatArray:
     """Return the six entries (6,) of a symmetric tensor (3, 3), in TENSOR_ORDER."""
     return np.array([tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[1, 2], tensor[0, 2], tensor[0, 1]])
 
 
-def _spread(d: Array) -> Array:
+def _spread(d: FloatArray) -> FloatArray:
     """Return d·d 1 − d dᵀ (3, 3)."""
-    spread: Array = d @ d * np.eye(3) - np.outer(d, d)
+    spread: FloatArray = d @ d * np.eye(3) - np.outer(d, d)
     return spread
 
 
-def _tensor_columns(v: Array) -> Array:
+def _tensor_columns(v: FloatArray) -> FloatArray:
     """Return C (n, 3, 6) with C six = J v."""
     C = np.zeros((len(v), 3, 6))
     x, y, z = v.T

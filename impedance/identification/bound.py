@@ -4,12 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
 from impedance.identification.eiv import EivProblem, columns_of, product
-from impedance.identification.spectra import ComplexArray, Spectra
+from impedance.identification.spectra import Spectra
+from messages.arrays import ComplexArray, FloatArray
 
 
-def true_information(problem: EivProblem, spectra: Spectra, vector: Array) -> Array:
+def true_information(problem: EivProblem, spectra: Spectra, vector: FloatArray) -> FloatArray:
     """Return the Fisher information (10, 10) about the true π (10,), `problem` holding the noise-free motion.
 
     It is that of the whole recording: nothing is lost to the tapers. Its inverse is the Cramér-Rao bound.
@@ -19,7 +19,9 @@ def true_information(problem: EivProblem, spectra: Spectra, vector: Array) -> Ar
     return whole * product(whitened, whitened)
 
 
-def propagated(problem: EivProblem, spectra: Spectra, vector: Array, draws: int, seed: int) -> Iterator[Array]:
+def propagated(
+    problem: EivProblem, spectra: Spectra, vector: FloatArray, draws: int, seed: int
+) -> Iterator[FloatArray]:
     """Yield the errors (10,) of π that draws of white noise on motion and wrench cause, to first order about the truth.
 
     The noise is drawn in time and takes the estimator's way: weighed, tapered, transformed.
@@ -38,7 +40,7 @@ def propagated(problem: EivProblem, spectra: Spectra, vector: Array, draws: int,
         yield (influence @ r).real
 
 
-def _whitened(problem: EivProblem, spectra: Spectra, vector: Array) -> tuple[ComplexArray, Array, Array]:
+def _whitened(problem: EivProblem, spectra: Spectra, vector: FloatArray) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Return the whitened columns (k, 6, 10) of the given motion, the whitener (k, 6, 6) and G (k, 6, c)."""
     mean, motion = spectra.motion(problem.q)
     cog_m = vector[1:4] / vector[0]

@@ -26,9 +26,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
 from impedance.identification.mechanism import Mechanism
-from impedance.identification.spectra import ComplexArray, Spectra
+from impedance.identification.spectra import Spectra
+from messages.arrays import ComplexArray, FloatArray
 
 _MOST_STEPS = 15
 _SETTLED = 1e-3
@@ -42,16 +42,16 @@ class NoiseModel:
     """White noise of one sample: `q_cov` (c, c) of the mechanism's coordinates, `wrench_std` (6,) of the wrench."""
 
     mechanism: Mechanism
-    q_cov: Array
-    wrench_std: Array
+    q_cov: FloatArray
+    wrench_std: FloatArray
 
-    def weights(self, f_hz: Array, vector: Array, M: Array) -> tuple[Array, Array, Array]:
+    def weights(self, f_hz: FloatArray, vector: FloatArray, M: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return by (1), per bin (k,): the root of S⁻¹ (k, 6, 6), Σ_q Gᵀ S⁻¹ (k, c, 6) and G (k, 6, c)."""
         B0, B2 = self.mechanism.level_columns()
         G = M @ ((B0 @ vector).T - ((2.0 * np.pi * f_hz) ** 2)[:, None, None] * (B2 @ vector).T)
         S = (M * self.wrench_std**2) @ M.T + G @ self.q_cov @ np.swapaxes(G, 1, 2)
         root = np.linalg.inv(np.linalg.cholesky(S))
-        gain: Array = self.q_cov @ np.swapaxes(G, 1, 2) @ np.swapaxes(root, 1, 2) @ root
+        gain: FloatArray = self.q_cov @ np.swapaxes(G, 1, 2) @ np.swapaxes(root, 1, 2) @ root
         return root, gain, G
 
 
@@ -63,9 +63,9 @@ class EivProblem:
     """
 
     noise: NoiseModel
-    q: Array
-    wrench: Array
-    rest: Array
+    q: FloatArray
+    wrench: FloatArray
+    rest: FloatArray
 
 
 @dataclass(frozen=True)
@@ -77,9 +77,9 @@ class EivFit:
     square is 1 for each of real and imaginary part. `converged` tells that the last step was short.
     """
 
-    vector: Array
-    information: Array
-    constant_response: Array
+    vector: FloatArray
+    information: FloatArray
+    constant_response: FloatArray
     correction: ComplexArray
     misfit: ComplexArray
     steps: int
@@ -91,7 +91,7 @@ class EivFit:
         return float(np.mean(np.abs(self.misfit) ** 2) / 2.0)
 
 
-def fit(problem: EivProblem, spectra: Spectra, start: Array | None = None) -> EivFit:
+def fit(problem: EivProblem, spectra: Spectra, start: FloatArray | None = None) -> EivFit:
     """Return the maximum likelihood by (1) to (3), from `start` (10,)."""
     noise, mechanism = problem.noise, problem.noise.mechanism
     share_root = np.sqrt(spectra.share)[:, None, None]
@@ -129,24 +129,24 @@ def fit(problem: EivProblem, spectra: Spectra, start: Array | None = None) -> Ei
 
 
 def columns_of(
-    problem: EivProblem, spectra: Spectra, motion: tuple[Array, Array, Array], cog_m: Array
-) -> tuple[ComplexArray, Array]:
+    problem: EivProblem, spectra: Spectra, motion: tuple[FloatArray, FloatArray, FloatArray], cog_m: FloatArray
+) -> tuple[ComplexArray, FloatArray]:
     """Return the weighed columns D (k, 6, 10) of coordinates with two derivatives (n, c), and the coordinates."""
     mechanism, q = problem.noise.mechanism, motion[0]
     columns = mechanism.kinematics(*motion).regressor - problem.rest
     return _transformed(spectra, mechanism.weighed(q, columns, cog_m)), q
 
 
-def solved(matrix: Array, rhs: Array) -> Array:
+def solved(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
     """Return the least solution of a symmetric system, scaled to a unit diagonal: what nothing is known of stays."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
     scaled_rhs = scale * rhs if rhs.ndim == 1 else scale[:, None] * rhs
     scaled = np.linalg.lstsq(matrix * np.outer(scale, scale), scaled_rhs, rcond=1e-14)[0]
-    solution: Array = np.asarray(scaled, dtype=np.float64)
+    solution: FloatArray = np.asarray(scaled, dtype=np.float64)
     return scale * solution if rhs.ndim == 1 else scale[:, None] * solution
 
 
-def _transformed(spectra: Spectra, columns: Array) -> ComplexArray:
+def _transformed(spectra: Spectra, columns: FloatArray) -> ComplexArray:
     """Return the bins (k, 6, p) of columns (n, 6, p), most of which are zero at all times."""
     filled = (columns != 0.0).any(axis=0)
     bins = np.zeros((len(spectra.f_hz), *filled.shape), dtype=np.complex128)
@@ -154,13 +154,13 @@ def _transformed(spectra: Spectra, columns: Array) -> ComplexArray:
     return bins
 
 
-def product(first: ComplexArray, second: ComplexArray) -> Array:
+def product(first: ComplexArray, second: ComplexArray) -> FloatArray:
     """Return Re Σ_f Aᴴ B of whitened columns (k, 6, p) and (k, 6, s): (p, s)."""
-    product: Array = (first.reshape(-1, first.shape[2]).conj().T @ second.reshape(-1, second.shape[2])).real
+    product: FloatArray = (first.reshape(-1, first.shape[2]).conj().T @ second.reshape(-1, second.shape[2])).real
     return product
 
 
-def _noise_information(model: NoiseModel, spectra: Spectra, vector: Array, M: Array) -> Array:
+def _noise_information(model: NoiseModel, spectra: Spectra, vector: FloatArray, M: FloatArray) -> FloatArray:
     """Return the second sum of (4): the information (10, 10) that the noise of the likeliest motion pretends."""
     root, gain, G = model.weights(spectra.f_hz, vector, M)
     left = model.q_cov - gain @ G @ model.q_cov
@@ -171,24 +171,24 @@ def _noise_information(model: NoiseModel, spectra: Spectra, vector: Array, M: Ar
     level = (whitener @ np.concatenate(np.concatenate((B0, B2)), axis=1)).reshape(len(G), 6, 2, size, 10)
     columns = level[:, :, 0] - ((2.0 * np.pi * spectra.f_hz) ** 2)[:, None, None, None] * level[:, :, 1]
     turned = np.einsum("kwcp,kcs->kwsp", columns, noise, optimize=True).reshape(-1, 10)
-    pretended: Array = spectra.counted_s * spectra.rate_hz * (turned.T @ turned)
+    pretended: FloatArray = spectra.counted_s * spectra.rate_hz * (turned.T @ turned)
     return pretended
 
 
-def _less(information: Array, pretended: Array) -> Array:
+def _less(information: FloatArray, pretended: FloatArray) -> FloatArray:
     """Return F of (4), kept positive: at least a millionth of what it seems to be in every direction."""
     root = np.linalg.cholesky(information + _FLOOR**2 * np.diag(np.diag(information)))
     seen = np.linalg.solve(root, np.linalg.solve(root, information - pretended).T)
     values, directions = np.linalg.eigh(0.5 * (seen + seen.T))
     half = root @ directions * np.sqrt(np.maximum(values, _FLOOR))
-    true: Array = half @ half.T
+    true: FloatArray = half @ half.T
     return true
 
 
-def _times(matrices: Array, vectors: ComplexArray) -> ComplexArray:
+def _times(matrices: FloatArray, vectors: ComplexArray) -> ComplexArray:
     product: ComplexArray = (matrices @ vectors[:, :, None])[:, :, 0]
     return product
 
 
-def _each(n: int) -> Array:
+def _each(n: int) -> FloatArray:
     return np.broadcast_to(np.eye(6), (n, 6, 6))

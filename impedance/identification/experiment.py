@@ -21,11 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from impedance.body.rigid_body import Array
 from impedance.identification.eiv import NoiseModel
 from impedance.identification.mechanism import UniversalJoint
 from impedance.identification.observability import INTERVAL_95, about_cog, about_cog_slope
-from impedance.identification.spectra import ComplexArray
+from messages.arrays import ComplexArray, FloatArray
 
 _JYY = 5
 RATE_HZ = 350.0
@@ -61,10 +60,10 @@ class Multisine:
     """θ and φ as sums of lines: `f_hz` (k,), complex amplitudes (2, k) of θ and φ, q = Re Σ A exp(2πj f t)."""
 
     period_s: float
-    f_hz: Array
+    f_hz: FloatArray
     amplitude_rad: ComplexArray
 
-    def motion(self, t_s: Array) -> tuple[Array, Array, Array]:
+    def motion(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the coordinates (n, 2) with first and second derivative at `t_s` (n,)."""
         return _motion(self.amplitude_rad, np.exp(2j * np.pi * t_s[:, None] * self.f_hz), self.f_hz)
 
@@ -74,11 +73,11 @@ class Design:
     """An excitation with the information (10, 10) about π that a second of it gives."""
 
     excitation: Multisine
-    information_per_s: Array
+    information_per_s: FloatArray
     alpha_y_rms_radps2: float
 
 
-def seconds_for(information_per_s: Array, vector: Array, share: float, parameter: int = _JYY) -> float:
+def seconds_for(information_per_s: FloatArray, vector: FloatArray, share: float, parameter: int = _JYY) -> float:
     """Return the least time after which the 95 % interval of one of η is within ± `share` of its value."""
     slope = about_cog_slope(vector)[parameter]
     variance_s = float(slope @ np.linalg.solve(information_per_s, slope))
@@ -86,8 +85,8 @@ def seconds_for(information_per_s: Array, vector: Array, share: float, parameter
 
 
 def information_per_second(
-    excitation: Multisine, vector: Array, rest: Array, joint: UniversalJoint, noise: SensorNoise
-) -> tuple[Array, float]:
+    excitation: Multisine, vector: FloatArray, rest: FloatArray, joint: UniversalJoint, noise: SensorNoise
+) -> tuple[FloatArray, float]:
     """Return the information (10, 10) of a body (10,) per second of a periodic motion, and the rms of α_y, rad/s².
 
     `rest` (6, 10) are the columns that the tare took away: those of the level plate, or zeros.
@@ -105,7 +104,7 @@ def information_per_second(
 
 
 def designed(
-    limits: MotionLimits, vector: Array, rest: Array, joint: UniversalJoint, noise: SensorNoise, seed: int
+    limits: MotionLimits, vector: FloatArray, rest: FloatArray, joint: UniversalJoint, noise: SensorNoise, seed: int
 ) -> Design:
     """Return the multisine, periodic in four seconds, that tells most of a body's J_yy; `seed` draws the starts."""
     rng = np.random.default_rng(seed)
@@ -145,7 +144,7 @@ def least_seconds(alpha_y_radps2: float, J_yy_kgm2: float, torque_nm: float, rat
     return float((INTERVAL_95 * torque_nm / (share * J_yy_kgm2 * alpha_y_radps2)) ** 2 / rate_hz)
 
 
-def _poverty(shape: Array, wave: ComplexArray, f_hz: Array, limits: MotionLimits) -> float:
+def _poverty(shape: FloatArray, wave: ComplexArray, f_hz: FloatArray, limits: MotionLimits) -> float:
     """Return −log of the mean square of α_y, by (1)."""
     angle, rate, acceleration = _motion(_scaled(shape, wave, f_hz, limits, _SHARPNESS), wave, f_hz)
     phi = angle[:, 1]
@@ -153,7 +152,9 @@ def _poverty(shape: Array, wave: ComplexArray, f_hz: Array, limits: MotionLimits
     return -float(np.log(np.mean(alpha_y**2)))
 
 
-def _scaled(shape: Array, wave: ComplexArray, f_hz: Array, limits: MotionLimits, sharpness: float) -> ComplexArray:
+def _scaled(
+    shape: FloatArray, wave: ComplexArray, f_hz: FloatArray, limits: MotionLimits, sharpness: float
+) -> ComplexArray:
     """Return the amplitudes (2, k) of real and imaginary parts `shape` (2 · 2 · k,), which weigh as 1 / f.
 
     Each axis is scaled to the first limit that it meets; the maximum over time is a norm of `sharpness`.
@@ -170,14 +171,16 @@ def _scaled(shape: Array, wave: ComplexArray, f_hz: Array, limits: MotionLimits,
     return scaled
 
 
-def _motion(amplitude_rad: ComplexArray, wave: ComplexArray, f_hz: Array) -> tuple[Array, Array, Array]:
+def _motion(
+    amplitude_rad: ComplexArray, wave: ComplexArray, f_hz: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return Re Σ A exp(2πj f t) (n, 2) and two derivatives."""
     jw = 2j * np.pi * f_hz
-    value: Array = (wave @ amplitude_rad.T).real
-    rate: Array = (wave @ (amplitude_rad * jw).T).real
-    acceleration: Array = (wave @ (amplitude_rad * jw**2).T).real
+    value: FloatArray = (wave @ amplitude_rad.T).real
+    rate: FloatArray = (wave @ (amplitude_rad * jw).T).real
+    acceleration: FloatArray = (wave @ (amplitude_rad * jw**2).T).real
     return value, rate, acceleration
 
 
-def _one_period() -> Array:
+def _one_period() -> FloatArray:
     return np.arange(round(PERIOD_S * RATE_HZ)) / RATE_HZ

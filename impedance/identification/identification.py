@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from impedance.body.physical import Boundary, boundary, consistent
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
 from impedance.identification.eiv import EivFit, EivProblem, NoiseModel, fit
 from impedance.identification.mechanism import FreeBody, Mechanism, UniversalJoint, level_rest
 from impedance.identification.noise_level import NoiseLevel, noise_level
@@ -33,6 +33,7 @@ from impedance.identification.pose_fusion import JointTest, MarkerFrame, fused, 
 from impedance.identification.spectra import Spectra
 from impedance.recording.recording import PlatformRecording
 from impedance.recording.synchronous import Synchronous, synchronous
+from messages.arrays import FloatArray
 from messages.errors import UserError
 
 BAND_SHARE = 100.0 / 350.0
@@ -46,8 +47,8 @@ _OFFSET_NOTED = 5.0
 class KnownBody:
     """Parameters π (10,) known beforehand in P, with their covariance (10, 10): zeros where they count as exact."""
 
-    vector: Array
-    covariance: Array
+    vector: FloatArray
+    covariance: FloatArray
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,8 @@ class Identification:
     """
 
     what: str
-    vector: Array
-    covariance: Array
+    vector: FloatArray
+    covariance: FloatArray
     body: Inertia
     boundary: Boundary | None
     pull_chi2: float
@@ -74,12 +75,12 @@ class Identification:
     notes: tuple[str, ...]
 
     @property
-    def estimate(self) -> Array:
+    def estimate(self) -> FloatArray:
         """Return η (10,) of the body that can exist."""
         return about_cog(self.body.vector)
 
     @property
-    def interval(self) -> Array:
+    def interval(self) -> FloatArray:
         """Return the 95 % intervals (10, 2) of η about the likeliest parameters."""
         step = about_cog_slope(self.body.vector) @ (self.vector - self.body.vector)
         half = INTERVAL_95 * self.observability.deviation
@@ -152,7 +153,7 @@ def identify(
     return _finished("foot", foot_vector, foot_covariance, constrained, test, noise, found, spectra, notes)
 
 
-def _tared_columns(streams: Synchronous) -> Array:
+def _tared_columns(streams: Synchronous) -> FloatArray:
     """Return Y⁰ (6, 10) of (1) if the bare plate was tared under a foot, else zeros."""
     return level_rest() if streams.foot is not None and not streams.settings.tare.with_foot else np.zeros((6, 10))
 
@@ -199,7 +200,7 @@ def problem_of(streams: Synchronous, mechanism: Mechanism, noise: NoiseLevel, pl
 def _frames(streams: Synchronous) -> list[MarkerFrame]:
     present = streams.valid[:, None]
 
-    def frame(p_m: Array, euler_rad: Array, lever_m: Array) -> MarkerFrame:
+    def frame(p_m: FloatArray, euler_rad: FloatArray, lever_m: FloatArray) -> MarkerFrame:
         return MarkerFrame(np.where(present, p_m, 0.0), np.where(present, euler_rad, 0.0), lever_m)
 
     frames = [frame(streams.plate.p_m, streams.plate.euler_rad, np.zeros(3))]
@@ -216,8 +217,8 @@ def _stated_plate(recording: PlatformRecording) -> KnownBody | None:
 
 def _finished(
     what: str,
-    vector: Array,
-    covariance: Array,
+    vector: FloatArray,
+    covariance: FloatArray,
     constrained: bool,
     test: JointTest,
     noise: NoiseLevel,

@@ -19,29 +19,30 @@ import numpy as np
 from impedance.body import geometry
 from impedance.body.geometry import GRAVITY_I_MPS2
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array, regressor
+from impedance.body.rigid_body import regressor
+from messages.arrays import FloatArray
 
 
 class Mechanism(ABC):
     """The coordinates q (n, c) of a motion of P in I."""
 
-    C: Array
+    C: FloatArray
     """(6, c) of the small pose to the coordinates."""
 
     @abstractmethod
-    def kinematics(self, q: Array, rate: Array, acceleration: Array) -> Kinematics:
+    def kinematics(self, q: FloatArray, rate: FloatArray, acceleration: FloatArray) -> Kinematics:
         """Return what the equations need, of coordinates (n, c) and their derivatives."""
 
     @abstractmethod
-    def weighed(self, q: Array, wrench: Array, cog_m: Array) -> Array:
+    def weighed(self, q: FloatArray, wrench: FloatArray, cog_m: FloatArray) -> FloatArray:
         """Return z (n, 6, k) of wrenches (n, 6, k) in P, by (1) or (2) with d = `cog_m` (3,) in P."""
 
-    def level_weighing(self, cog_m: Array) -> Array:
+    def level_weighing(self, cog_m: FloatArray) -> FloatArray:
         """Return z (6, 6) of the six unit wrenches on the level plate."""
-        weighed: Array = self.weighed(np.zeros((1, self.C.shape[1])), np.eye(6)[None], cog_m)[0]
+        weighed: FloatArray = self.weighed(np.zeros((1, self.C.shape[1])), np.eye(6)[None], cog_m)[0]
         return weighed
 
-    def level_columns(self) -> tuple[Array, Array]:
+    def level_columns(self) -> tuple[FloatArray, FloatArray]:
         """Return B0, B2 (c, 6, 10): near level the regressor moves by Σ_j B0_j q_j + B2_j q̈_j."""
         unit, none = np.eye(3), np.zeros((9, 3))
         a, alpha, g = none.copy(), none.copy(), none.copy()
@@ -60,16 +61,16 @@ class UniversalJoint(Mechanism):
     joint_to_surface_m: float
 
     @property
-    def C(self) -> Array:  # type: ignore[override]
+    def C(self) -> FloatArray:  # type: ignore[override]
         """(6, 2): a small θ carries O_P by −L along x, a small φ by +L along z."""
         L = self.joint_to_surface_m
         return np.array([[-L, 0.0], [0.0, 0.0], [0.0, L], [0.0, 1.0], [0.0, 0.0], [1.0, 0.0]])
 
-    def kinematics(self, q: Array, rate: Array, acceleration: Array) -> Kinematics:
+    def kinematics(self, q: FloatArray, rate: FloatArray, acceleration: FloatArray) -> Kinematics:
         """Return the motion of P about the joint."""
         return Kinematics.on_joint(q, rate, acceleration, self.joint_to_surface_m)
 
-    def weighed(self, q: Array, wrench: Array, cog_m: Array) -> Array:  # noqa: ARG002 - (1) asks neither
+    def weighed(self, q: FloatArray, wrench: FloatArray, cog_m: FloatArray) -> FloatArray:  # noqa: ARG002 - (1) asks neither
         """Return (1): the wrench as it is."""
         return wrench
 
@@ -79,16 +80,16 @@ class FreeBody(Mechanism):
     """q = (p_IP_I, ψ, θ, φ): nothing is known of how the plate is held."""
 
     @property
-    def C(self) -> Array:  # type: ignore[override]
+    def C(self) -> FloatArray:  # type: ignore[override]
         """(6, 6): ψ turns about y, θ about z, φ about x."""
         C = np.eye(6)
         return C[:, [0, 1, 2, 4, 5, 3]]
 
-    def kinematics(self, q: Array, rate: Array, acceleration: Array) -> Kinematics:
+    def kinematics(self, q: FloatArray, rate: FloatArray, acceleration: FloatArray) -> Kinematics:
         """Return the motion of P, its origin's acceleration being that of the position."""
         return Kinematics.of_pose(q[:, 3:], rate[:, 3:], acceleration[:, 3:], acceleration[:, :3])
 
-    def weighed(self, q: Array, wrench: Array, cog_m: Array) -> Array:
+    def weighed(self, q: FloatArray, wrench: FloatArray, cog_m: FloatArray) -> FloatArray:
         """Return (2)."""
         force, moment = wrench[:, :3], wrench[:, 3:]
         R_IP = geometry.rotation_IP(*q[:, 3:].T)
@@ -96,7 +97,7 @@ class FreeBody(Mechanism):
         return np.concatenate((R_IP @ force, R_IP @ about_cog), axis=1)
 
 
-def level_rest() -> Array:
+def level_rest() -> FloatArray:
     """Return the columns (6, 10) of a body at rest on the level plate."""
-    level: Array = Kinematics.at_rest(np.zeros((1, 3))).regressor[0]
+    level: FloatArray = Kinematics.at_rest(np.zeros((1, 3))).regressor[0]
     return level

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
 from impedance.recording.synchronous import Synchronous
+from messages.arrays import FloatArray
 
 QUIET_SHARE = 0.372
 """Of the rate: nothing moves above 130 of 350 Hz."""
@@ -43,7 +43,7 @@ def noise_level(streams: Synchronous) -> NoiseLevel:
     return NoiseLevel(**found, estimated=tuple(estimated))
 
 
-def quiet_deviation(channels: Array, valid: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
+def quiet_deviation(channels: FloatArray, valid: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
     """Return the standard deviation of white noise of the same density as the quiet band's, pooled over channels (n,
     c).
 

@@ -15,10 +15,10 @@ moments for a moment (triangle inequality); half of J_c for the product J_ab.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impedance.body.physical import pseudo_inertia
-from impedance.body.rigid_body import TENSOR_ORDER, Array, Inertia, six_of
+from impedance.body.rigid_body import TENSOR_ORDER, Inertia, six_of
+from messages.arrays import BoolArray, FloatArray
 
 NAMES = ("m", "x0", "y0", "z0", *(f"J{pair}" for pair in TENSOR_ORDER))
 UNITS = ("kg", *("m",) * 3, *("kg m²",) * 6)
@@ -37,12 +37,12 @@ class Observability:
     (10,) the direction of the least, in the same units: what changes together without the wrench telling.
     """
 
-    deviation: Array
-    covariance: Array
-    range: Array
-    identifiable: NDArray[np.bool_]
-    singular_values: Array
-    null: Array
+    deviation: FloatArray
+    covariance: FloatArray
+    range: FloatArray
+    identifiable: BoolArray
+    singular_values: FloatArray
+    null: FloatArray
 
     @property
     def null_words(self) -> str:
@@ -54,13 +54,13 @@ class Observability:
         return " with ".join(f"{NAMES[i]} {step[i]:+.3g} {UNITS[i]}" for i in told)
 
 
-def about_cog(vector: Array) -> Array:
+def about_cog(vector: FloatArray) -> FloatArray:
     """Return η (10,) of π (10,), by (1)."""
     body = Inertia.from_vector(vector)
     return np.concatenate(([body.mass_kg], body.cog_m, body.about_cog()))
 
 
-def about_cog_slope(vector: Array) -> Array:
+def about_cog_slope(vector: FloatArray) -> FloatArray:
     """Return ∂η/∂π (10, 10)."""
     m, h = vector[0], vector[1:4]
     slope = np.eye(10)
@@ -72,7 +72,7 @@ def about_cog_slope(vector: Array) -> Array:
     return slope
 
 
-def moving(origin_m: Array) -> Array:
+def moving(origin_m: FloatArray) -> FloatArray:
     """Return the matrix (10, 10) that takes π to another origin (3,), given in the old frame; the axes stay."""
     r, unit = origin_m, np.eye(3)
     matrix = np.eye(10)
@@ -83,7 +83,7 @@ def moving(origin_m: Array) -> Array:
     return matrix
 
 
-def observed(vector: Array, covariance: Array) -> Observability:
+def observed(vector: FloatArray, covariance: FloatArray) -> Observability:
     """Return what covariance (10, 10) of π (10,), a consistent body, lets be known of η.
 
     A covariance with infinite entries, or none at all, is given by the inverse of an information that is singular: use
@@ -105,15 +105,15 @@ def observed(vector: Array, covariance: Array) -> Observability:
     )
 
 
-def covariance_of(information: Array, scale: Array) -> Array:
+def covariance_of(information: FloatArray, scale: FloatArray) -> FloatArray:
     """Return F⁻¹ (10, 10), with directions of which nothing is known bounded at a million times `scale` (10,)."""
     values, directions = np.linalg.eigh(information * np.outer(scale, scale))
     half = directions / np.sqrt(np.maximum(values, _NOTHING))
-    covariance: Array = scale[:, None] * (half @ half.T) * scale
+    covariance: FloatArray = scale[:, None] * (half @ half.T) * scale
     return covariance
 
 
-def rigid_range(vector: Array) -> Array:
+def rigid_range(vector: FloatArray) -> FloatArray:
     """Return the half ranges (10,) of the parameters of a rigid body of about this size."""
     eta = about_cog(vector)
     xx, yy, zz = eta[4:7]
@@ -122,7 +122,7 @@ def rigid_range(vector: Array) -> Array:
     return np.array([eta[0], *(gyration,) * 3, *moments, 0.5 * xx, 0.5 * yy, 0.5 * zz])
 
 
-def vector_scale(vector: Array) -> Array:
+def vector_scale(vector: FloatArray) -> FloatArray:
     """Return the sizes (10,) of the entries of π of a consistent body: what a singular information is scaled by."""
     P = pseudo_inertia(vector)
     size = np.sqrt(np.diag(P))

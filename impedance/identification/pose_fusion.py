@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from impedance.body import geometry
-from impedance.body.rigid_body import Array
 from impedance.identification.mechanism import FreeBody, Mechanism, UniversalJoint
+from messages.arrays import FloatArray
 
 _EULER_OF_TURN = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """(ψ, θ, φ) of a small rotation about x, y, z."""
@@ -26,9 +26,9 @@ _REFUTED = 5.0
 class MarkerFrame:
     """What motion capture says of a frame fixed to the plate: `p_m`, `euler_rad` (n, 3), at `lever_m` (3,) in P."""
 
-    p_m: Array
-    euler_rad: Array
-    lever_m: Array
+    p_m: FloatArray
+    euler_rad: FloatArray
+    lever_m: FloatArray
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class JointTest:
     `height_sigmas` how many the height lies from the one stated.
     """
 
-    mean_m: Array
-    mean_rad: Array
-    rms_m: Array
-    rms_rad: Array
+    mean_m: FloatArray
+    mean_rad: FloatArray
+    rms_m: FloatArray
+    rms_rad: FloatArray
     height_m: float
     height_deviation_m: float
     sigmas: float
@@ -58,7 +58,7 @@ class JointTest:
 
 def fused(
     mechanism: Mechanism, frames: list[MarkerFrame], position_std_m: float, angle_std_rad: float
-) -> tuple[Array, Array]:
+) -> tuple[FloatArray, FloatArray]:
     """Return q̂ (n, c) of (2) and its covariance (c, c)."""
     weight = np.tile(np.repeat((position_std_m**-2, angle_std_rad**-2), 3), len(frames))
     J = np.vstack([_slope(frame.lever_m) @ mechanism.C for frame in frames])
@@ -95,22 +95,22 @@ def joint_test(joint: UniversalJoint, frame: MarkerFrame, position_std_m: float,
     )
 
 
-def mounting_offset(plate: MarkerFrame, foot: MarkerFrame) -> Array:
+def mounting_offset(plate: MarkerFrame, foot: MarkerFrame) -> FloatArray:
     """Return where (3,) in P the markers of `foot` lie on average, away from its stated lever."""
     R_IP = geometry.rotation_IP(*plate.euler_rad.T)
     seen_P = np.einsum("nji,nj->ni", R_IP, foot.p_m - plate.p_m)
-    offset: Array = seen_P.mean(axis=0) - foot.lever_m
+    offset: FloatArray = seen_P.mean(axis=0) - foot.lever_m
     return offset
 
 
-def _start(mechanism: Mechanism, frame: MarkerFrame) -> Array:
+def _start(mechanism: Mechanism, frame: MarkerFrame) -> FloatArray:
     if isinstance(mechanism, FreeBody):
         lever_I = geometry.rotation_IP(*frame.euler_rad.T) @ frame.lever_m
         return np.hstack((frame.p_m - lever_I, frame.euler_rad))
     return frame.euler_rad[:, 1:]
 
 
-def _left(mechanism: Mechanism, frame: MarkerFrame, q: Array) -> Array:
+def _left(mechanism: Mechanism, frame: MarkerFrame, q: FloatArray) -> FloatArray:
     """Return y − y(q) (n, 6) of (1)."""
     if isinstance(mechanism, UniversalJoint):
         euler = np.hstack((np.zeros((len(q), 1)), q))
@@ -121,7 +121,7 @@ def _left(mechanism: Mechanism, frame: MarkerFrame, q: Array) -> Array:
     return np.hstack((frame.p_m - expected_m, frame.euler_rad - euler))
 
 
-def _slope(lever_m: Array) -> Array:
+def _slope(lever_m: FloatArray) -> FloatArray:
     """Return A(r) (6, 6) of (1): what a small pose does to position and Euler angles of a frame at r."""
     slope = np.zeros((6, 6))
     slope[:3, :3] = np.eye(3)

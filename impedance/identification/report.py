@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
 from impedance.identification.identification import Identification
 from impedance.identification.observability import NAMES
+from messages.arrays import FloatArray
 from messages.errors import UserError
 
 if TYPE_CHECKING:
@@ -132,8 +132,8 @@ def _draw_misfit(figure: "Figure", found: Identification) -> None:
     axes.legend(ncols=6)
 
 
-def _relative(found: Identification) -> Array:
-    values: Array = found.observability.singular_values / found.observability.singular_values[0]
+def _relative(found: Identification) -> FloatArray:
+    values: FloatArray = found.observability.singular_values / found.observability.singular_values[0]
     return values
 
 

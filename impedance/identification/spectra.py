@@ -8,13 +8,10 @@ under the wider one, so that the equations are exact wherever the narrower one l
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
+from messages.arrays import BoolArray, ComplexArray, FloatArray
 from messages.errors import UserError
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MOTION_RAMP_S = 0.15
 GUARD_S = 0.1
@@ -33,16 +30,16 @@ class Spectra:
     """
 
     rate_hz: float
-    f_hz: Array
-    kept: Array
-    share: Array
+    f_hz: FloatArray
+    kept: FloatArray
+    share: FloatArray
     counted_s: float
     _length: int
-    _motion_taper: Array
-    _equation_taper: Array
+    _motion_taper: FloatArray
+    _equation_taper: FloatArray
 
     @classmethod
-    def of(cls, rate_hz: float, valid: NDArray[np.bool_], band_hz: float) -> "Spectra":
+    def of(cls, rate_hz: float, valid: BoolArray, band_hz: float) -> "Spectra":
         """Return the transforms for a record whose samples are `valid` (n,), that count from 0 to `band_hz`.
 
         Raises UserError if the band leaves no room below half the rate, or if less than three seconds count.
@@ -56,7 +53,7 @@ class Spectra:
             raise UserError(f"recording: {counted_s:.2f} s without gaps, at least {LEAST_VALID_S:g} s are needed")
         length = fft.next_fast_len(len(valid), real=True)
         all_hz = np.asarray(np.fft.rfftfreq(length, 1.0 / rate_hz), dtype=np.float64)
-        f_hz: Array = all_hz[all_hz < band_hz + ROLL_OFF_HZ]
+        f_hz: FloatArray = all_hz[all_hz < band_hz + ROLL_OFF_HZ]
         return cls(
             rate_hz=rate_hz,
             f_hz=f_hz,
@@ -68,20 +65,20 @@ class Spectra:
             _equation_taper=equation_taper,
         )
 
-    def equations(self, values: Array) -> ComplexArray:
+    def equations(self, values: FloatArray) -> ComplexArray:
         """Return `values` (n, ...) under the taper of the equations, at the bins: (k, ...)."""
         taper = self._equation_taper.reshape(-1, *(1,) * (values.ndim - 1))
         bins: ComplexArray = fft.rfft(values * taper, self._length, axis=0)[: len(self.f_hz)]
         return bins
 
-    def motion(self, values: Array) -> tuple[Array, ComplexArray]:
+    def motion(self, values: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return the mean (c,) of `values` (n, c) and the rest at the bins (k, c)."""
         weight = self._motion_taper / self._motion_taper.sum()
-        mean: Array = weight @ values
+        mean: FloatArray = weight @ values
         bins: ComplexArray = fft.rfft((values - mean) * self._motion_taper[:, None], self._length, axis=0)
         return mean, bins[: len(self.f_hz)]
 
-    def derivatives(self, mean: Array, spectrum: ComplexArray) -> tuple[Array, Array, Array]:
+    def derivatives(self, mean: FloatArray, spectrum: ComplexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the motion of a spectrum (k, c) with two derivatives (n, c), exact where the equations count."""
         n = len(self._motion_taper)
         jw = 2j * np.pi * self.f_hz[:, None]
@@ -92,16 +89,16 @@ class Spectra:
         return value + mean, rate, acceleration
 
 
-def _distance(valid: NDArray[np.bool_]) -> Array:
+def _distance(valid: BoolArray) -> FloatArray:
     """Return how many samples each one (n,) lies from the nearest invalid one or the record's end."""
     n = len(valid)
     walls = np.concatenate(([-1], np.flatnonzero(~valid), [n]))
     index = np.arange(n)
     after = np.clip(np.searchsorted(walls, index, side="left"), 1, len(walls) - 1)
-    distance: Array = np.minimum(index - walls[after - 1], walls[after] - index).astype(np.float64)
+    distance: FloatArray = np.minimum(index - walls[after - 1], walls[after] - index).astype(np.float64)
     return np.where(valid, distance, 0.0)
 
 
-def _raised_cosine(position: Array) -> Array:
-    ramp: Array = 0.5 - 0.5 * np.cos(np.pi * np.clip(position, 0.0, 1.0))
+def _raised_cosine(position: FloatArray) -> FloatArray:
+    ramp: FloatArray = 0.5 - 0.5 * np.cos(np.pi * np.clip(position, 0.0, 1.0))
     return ramp

@@ -17,9 +17,8 @@ from itertools import permutations, product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from impedance.body.rigid_body import Array
+from messages.arrays import BoolArray, FloatArray
 from messages.errors import UserError
 
 _BAND_HZ: Final = (3.0, 15.0)
@@ -43,7 +42,7 @@ _TURNS: Final = (((0, -1.0), (2, 1.0)), ((1, 1.0), (2, 1.0)), ((0, -1.0), (2, 1.
 """By (1), for each triple: the column that follows θ̈ and the one that follows φ̈, and their signs."""
 
 
-def check_units(where: str, motion: Array, joint_to_surface_m: float, foot_in_plate_m: Array | None) -> None:
+def check_units(where: str, motion: FloatArray, joint_to_surface_m: float, foot_in_plate_m: FloatArray | None) -> None:
     """Raise UserError unless the columns of `motion` (n, 6 or 12) can be metres and radians, with Y up."""
     plate_m, angles_rad = motion[:, :3], motion[:, 3:6]
     mean_m = np.nanmean(plate_m, axis=0)
@@ -72,8 +71,8 @@ def check_units(where: str, motion: Array, joint_to_surface_m: float, foot_in_pl
 def check_axes(
     where: tuple[str, str],
     rate_hz: float,
-    motion: Array,
-    wrench: Array,
+    motion: FloatArray,
+    wrench: FloatArray,
     joint_to_surface_m: float,
     plate_mass_kg: float,
 ) -> None:
@@ -93,11 +92,11 @@ def check_axes(
     _check_slopes(where, motion, _triples(moved), joint_to_surface_m, plate_mass_kg)
 
 
-def _triples(columns: Array) -> list[Array]:
+def _triples(columns: FloatArray) -> list[FloatArray]:
     return [columns[:, 3 * k : 3 * k + 3] for k in range(4)]
 
 
-def _check_swaps(where: tuple[str, str], triples: list[Array]) -> None:
+def _check_swaps(where: tuple[str, str], triples: list[FloatArray]) -> None:
     declared = [_turns(triple, turns) for triple, turns in zip(triples, _TURNS, strict=True)]
     agreement = np.array([[_agreement(a, b) for a in declared] for b in declared])
     others = [[j for j in range(4) if j != k] for k in range(4)]
@@ -113,7 +112,9 @@ def _check_swaps(where: tuple[str, str], triples: list[Array]) -> None:
             raise UserError(f"{where[1]}: {_swap_words(2, *change)}; moments alike")
 
 
-def _healing(changed: list[int], triples: list[Array], rest: list[Array]) -> tuple[list[int], Array] | None:
+def _healing(
+    changed: list[int], triples: list[FloatArray], rest: list[FloatArray]
+) -> tuple[list[int], FloatArray] | None:
     """Return the order and signs of columns by which the triples `changed` agree with the `rest`, if any do.
 
     The triples that are changed together have the same idle column, and it must be their smallest.
@@ -139,7 +140,11 @@ def _healing(changed: list[int], triples: list[Array], rest: list[Array]) -> tup
 
 
 def _check_slopes(
-    where: tuple[str, str], motion: Array, triples: list[Array], joint_to_surface_m: float, plate_mass_kg: float
+    where: tuple[str, str],
+    motion: FloatArray,
+    triples: list[FloatArray],
+    joint_to_surface_m: float,
+    plate_mass_kg: float,
 ) -> None:
     """Raise UserError where the sizes of what moves together do not fit."""
     position, angle, force, moment = (_turns(triple, turns) for triple, turns in zip(triples, _TURNS, strict=True))
@@ -182,7 +187,7 @@ def _check_length(what: str, found_m: float, expected_m: float) -> None:
     raise UserError(f"{what} average {found_m:.4g} m, allowed {expected_m:g} m as set, within a factor of {_NEITHER:g}")
 
 
-def _in_band(columns: Array, valid: NDArray[np.bool_], rate_hz: float) -> Array:
+def _in_band(columns: FloatArray, valid: BoolArray, rate_hz: float) -> FloatArray:
     """Return the columns (n, c) between the limits of the band, by a Fourier transform; gaps are bridged by lines."""
     index = np.arange(len(columns))
     bridged = np.column_stack([np.interp(index, index[valid], column[valid]) for column in columns.T])
@@ -192,12 +197,12 @@ def _in_band(columns: Array, valid: NDArray[np.bool_], rate_hz: float) -> Array:
     return np.fft.irfft(spectrum, len(columns), axis=0)
 
 
-def _turns(triple: Array, turns: tuple[tuple[int, float], tuple[int, float]]) -> Array:
+def _turns(triple: FloatArray, turns: tuple[tuple[int, float], tuple[int, float]]) -> FloatArray:
     """Return what a triple (n, 3) says of (θ̈, φ̈), (n, 2)."""
     return np.column_stack([sign * triple[:, column] for column, sign in turns])
 
 
-def _agreement(a: Array, b: Array) -> float:
+def _agreement(a: FloatArray, b: FloatArray) -> float:
     """Return the lesser correlation of a's and b's columns, 0 where one does not move."""
     power = np.sqrt((a**2).sum(axis=0) * (b**2).sum(axis=0))
     return float(np.where(power > 0.0, (a * b).sum(axis=0) / np.where(power > 0.0, power, 1.0), 0.0).min())
@@ -208,7 +213,7 @@ def _idle(k: int) -> int:
     return ({0, 1, 2} - {column for column, _ in _TURNS[k]}).pop()
 
 
-def _swap_words(k: int, order: list[int], signs: Array) -> str:
+def _swap_words(k: int, order: list[int], signs: FloatArray) -> str:
     names = _TRIPLES[k]
     moved = [f"{names[i]} is what {names[j]} should be" for j, i in enumerate(order) if i != j and j != _idle(k)]
     reversed_ = [names[j] for j in range(3) if signs[j] < 0.0]
@@ -216,5 +221,5 @@ def _swap_words(k: int, order: list[int], signs: Array) -> str:
     return "; ".join(said + ([f"reversed sign: {', '.join(reversed_)}"] if reversed_ else []))
 
 
-def _rms(values: Array) -> float:
+def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))

@@ -17,10 +17,9 @@ from typing import Annotated, Any, Final
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from impedance.body import geometry
-from impedance.body.rigid_body import Array, wrench_transform
+from impedance.body.rigid_body import wrench_transform
 from impedance.recording.check import Stream
 from impedance.recording.plain_files import read_toml
 from impedance.recording.recording import (
@@ -32,6 +31,7 @@ from impedance.recording.recording import (
     Triple,
     settings_of,
 )
+from messages.arrays import FloatArray
 from messages.checked import checked
 from messages.errors import UserError
 
@@ -93,7 +93,7 @@ def read_c3d(path: Path, layout_path: Path) -> PlatformRecording:
     )
 
 
-def pose_of_markers(seen_m: Array, places_m: Array) -> tuple[Array, Array]:
+def pose_of_markers(seen_m: FloatArray, places_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return p_IB (n, 3) and R_IB (n, 3, 3) by (1) of markers seen at (n, k, 3) in I that sit at (k, 3) in B."""
     there = np.asarray(np.isfinite(seen_m).all(axis=2), dtype=np.float64)
     count = there.sum(axis=1)
@@ -124,7 +124,7 @@ def _opened(path: Path) -> Any:
         raise UserError(f"{path}: not a C3D file ({error})") from error
 
 
-def _poses(path: Path, file: Any, markers: Mapping[str, Triple], layout: C3dLayout) -> Array:
+def _poses(path: Path, file: Any, markers: Mapping[str, Triple], layout: C3dLayout) -> FloatArray:
     labels = [label.strip() for label in _words(path, file, "POINT", "LABELS")]
     unit = _words(path, file, "POINT", "UNITS")[0].strip()
     if unit not in _LENGTHS_M:
@@ -136,7 +136,7 @@ def _poses(path: Path, file: Any, markers: Mapping[str, Triple], layout: C3dLayo
     return np.hstack((p_m, geometry.euler_of(R)))
 
 
-def _wrench(path: Path, file: Any, layout: C3dLayout) -> Array:
+def _wrench(path: Path, file: Any, layout: C3dLayout) -> FloatArray:
     labels = [label.strip() for label in _words(path, file, "ANALOG", "LABELS")]
     places = _places(path, labels, layout.channels, "channel")
     units = [unit.strip() for unit in _words(path, file, "ANALOG", "UNITS")]
@@ -148,7 +148,7 @@ def _wrench(path: Path, file: Any, layout: C3dLayout) -> Array:
             raise UserError(f"{path}: channel {labels[place]} is in {unit!r}, allowed {', '.join(allowed)}")
         channels[:, column] *= allowed[unit]
     X = wrench_transform(_rotation(layout.sensor_axes), np.array(layout.sensor_in_plate_m))
-    wrench: Array = (-1.0 if layout.reaction else 1.0) * channels @ X.T
+    wrench: FloatArray = (-1.0 if layout.reaction else 1.0) * channels @ X.T
     return wrench
 
 
@@ -170,7 +170,7 @@ def _check_layout(layout: C3dLayout, settings: PlatformSettings, where: str) -> 
             raise UserError(f"{where}: c3d.{field}: three markers or more that are not in line are needed")
 
 
-def _rotation(axes: Axes) -> NDArray[np.float64]:
+def _rotation(axes: Axes) -> FloatArray:
     """Return the matrix (3, 3) that takes vectors of the old axes to the new ones, which lie along `axes`."""
     return np.array([_AXES[name] for name in axes], dtype=np.float64)
 

@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
 from impedance.recording.axes import check_axes, check_units
 from impedance.recording.resampling import resampled
+from messages.arrays import FloatArray
 from messages.errors import UserError
 
 _RATE_TOLERANCE: Final = 1e-3
@@ -27,8 +27,8 @@ class Stream:
 
     where: str
     columns: tuple[str, ...]
-    t_s: Array
-    values: Array
+    t_s: FloatArray
+    values: FloatArray
 
     @property
     def rate_hz(self) -> float:
@@ -73,7 +73,12 @@ def on_grid(stream: Stream, rate_hz: float, setting: str) -> tuple[Stream, tuple
 
 
 def prepared(
-    motion: Stream, force: Stream, *, plate_mass_kg: float, joint_to_surface_m: float, foot_in_plate_m: Array | None
+    motion: Stream,
+    force: Stream,
+    *,
+    plate_mass_kg: float,
+    joint_to_surface_m: float,
+    foot_in_plate_m: FloatArray | None,
 ) -> tuple[str, ...]:
     """Check two uniform streams against each other; return notes.
 

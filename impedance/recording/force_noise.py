@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from impedance.body.rigid_body import Array
+from messages.arrays import FloatArray
 from messages.errors import UserError
 
 LEAST_S: Final = 10.0
@@ -43,11 +43,11 @@ class Line:
     """
 
     f_hz: float
-    amplitude: Array
-    phase_rad: Array
+    amplitude: FloatArray
+    phase_rad: FloatArray
     mains_hz: float
 
-    def wave(self, t_s: Array, shift_rad: float) -> Array:
+    def wave(self, t_s: FloatArray, shift_rad: float) -> FloatArray:
         """Return it at `t_s` (n,), all channels shifted alike: (n, c)."""
         return self.amplitude * np.cos(2.0 * np.pi * self.f_hz * t_s[:, None] + self.phase_rad + shift_rad)
 
@@ -66,21 +66,21 @@ class ChannelNoise:
     drift_per_s: float
     drift_deviation: float
     deviation: float
-    autoregression: Array
+    autoregression: FloatArray
     innovation: float
     walk_per_root_s: float
 
-    def density(self, f_hz: Array, rate_hz: float) -> Array:
+    def density(self, f_hz: FloatArray, rate_hz: float) -> FloatArray:
         """Return the one-sided power density (k,) of e at `f_hz` (k,), unit²/Hz."""
         lags = np.arange(1, len(self.autoregression) + 1)
         response = 1.0 - np.exp(-2j * np.pi * np.outer(f_hz / rate_hz, lags)) @ self.autoregression
-        density: Array = 2.0 * self.innovation**2 / rate_hz / np.abs(response) ** 2
+        density: FloatArray = 2.0 * self.innovation**2 / rate_hz / np.abs(response) ** 2
         return density
 
-    def innovations(self, e: Array) -> Array:
+    def innovations(self, e: FloatArray) -> FloatArray:
         """Return s w (n,) of (1) of a record's e (n,); the first as many as the order are not settled."""
-        taps: Array = np.concatenate(([1.0], -self.autoregression))
-        white: Array = lfilter(taps, [1.0], e)
+        taps: FloatArray = np.concatenate(([1.0], -self.autoregression))
+        white: FloatArray = lfilter(taps, [1.0], e)
         return white
 
     def deviation_of_mean(self, seconds: float, rate_hz: float) -> float:
@@ -96,16 +96,16 @@ class ForceNoise:
     rate_hz: float
     channels: tuple[ChannelNoise, ...]
     lines: tuple[Line, ...]
-    correlation: Array
+    correlation: FloatArray
 
-    def generate(self, samples: int, rng: np.random.Generator, *, offsets: bool = False) -> Array:
+    def generate(self, samples: int, rng: np.random.Generator, *, offsets: bool = False) -> FloatArray:
         """Return (n, c) of noise with this colour, correlation, walk and lines; with offset and drift where asked."""
         t_s = np.arange(samples) / self.rate_hz
         shape = (_SETTLE + samples, len(self.channels))
         innovations = rng.standard_normal(shape) @ np.linalg.cholesky(self.correlation).T
         noise = np.empty((samples, len(self.channels)))
         for k, channel in enumerate(self.channels):
-            taps: Array = np.concatenate(([1.0], -channel.autoregression))
+            taps: FloatArray = np.concatenate(([1.0], -channel.autoregression))
             noise[:, k] = lfilter([channel.innovation], taps, innovations[:, k])[_SETTLE:]
             noise[:, k] += channel.walk_per_root_s * np.cumsum(rng.standard_normal(samples)) / np.sqrt(self.rate_hz)
             if offsets:
@@ -115,7 +115,7 @@ class ForceNoise:
         return noise
 
 
-def fit_force_noise(t_s: Array, values: Array, names: Sequence[str]) -> ForceNoise:
+def fit_force_noise(t_s: FloatArray, values: FloatArray, names: Sequence[str]) -> ForceNoise:
     """Return the model of a resting record: `values` (n, c) of the channels `names` at `t_s` (n,).
 
     Raises UserError for NaN, stamps that are not uniform, a record below ten seconds, or a channel that never changes.
@@ -148,7 +148,7 @@ def fit_force_noise(t_s: Array, values: Array, names: Sequence[str]) -> ForceNoi
     return ForceNoise(rate_hz, channels, lines, np.atleast_2d(np.corrcoef(innovations)))
 
 
-def _channel(name: str, offset: float, drift: float, deviation: float, e: Array, rate_hz: float) -> ChannelNoise:
+def _channel(name: str, offset: float, drift: float, deviation: float, e: FloatArray, rate_hz: float) -> ChannelNoise:
     """Return a channel's model; `e` (n,) is what offset, drift and lines leave."""
     autoregression, innovation = _autoregression(e)
     at_zero = innovation**2 / rate_hz / (1.0 - autoregression.sum()) ** 2
@@ -166,7 +166,7 @@ def _channel(name: str, offset: float, drift: float, deviation: float, e: Array,
     )
 
 
-def _lines_of(y: Array, rate_hz: float) -> tuple[tuple[Line, ...], Array]:
+def _lines_of(y: FloatArray, rate_hz: float) -> tuple[tuple[Line, ...], FloatArray]:
     """Return the sinusoids that stand out of a channel's periodogram around them, and what is left of y (n, c)."""
     lines: list[Line] = []
     n = len(y)
@@ -200,7 +200,7 @@ def _mains(f_hz: float, rate_hz: float, seconds: float) -> float:
     return 0.0
 
 
-def _autoregression(y: Array) -> tuple[Array, float]:
+def _autoregression(y: FloatArray) -> tuple[FloatArray, float]:
     """Return (a, s) of (1) by Yule and Walker, the order up to 48 by Schwarz's criterion."""
     n = len(y)
     length = 1 << (2 * n - 1).bit_length()
@@ -216,7 +216,7 @@ def _autoregression(y: Array) -> tuple[Array, float]:
     return best, float(np.sqrt(variance))
 
 
-def _walk(y: Array, rate_hz: float, at_zero: float) -> float:
+def _walk(y: FloatArray, rate_hz: float, at_zero: float) -> float:
     """Return q of (2) from the steps between means of blocks: their variance is 2 S0 / T + 2 q² T / 3.
 
     Zero where the steps are within two standard deviations of what the colour alone makes.

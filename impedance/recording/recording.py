@@ -15,10 +15,11 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
 from impedance.recording.check import Stream, on_grid, prepared
 from impedance.recording.plain_files import read_toml, write_toml
 from impedance.recording.table import read_columns, write_columns
+from messages.arrays import FloatArray
 from messages.checked import checked
 from messages.errors import UserError
 
@@ -145,16 +146,16 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class Poses:
     """A frame's way in I: `p_m` (n, 3) of its origin, `euler_rad` (n, 3) as (ψ, θ, φ); NaN where it was not seen."""
 
-    p_m: Array
-    euler_rad: Array
+    p_m: FloatArray
+    euler_rad: FloatArray
 
     @property
-    def columns(self) -> Array:
+    def columns(self) -> FloatArray:
         """Return both side by side, (n, 6)."""
         return np.hstack((self.p_m, self.euler_rad))
 
     @classmethod
-    def from_columns(cls, columns: Array) -> "Poses":
+    def from_columns(cls, columns: FloatArray) -> "Poses":
         """Return the poses of `columns` (n, 6)."""
         return cls(columns[:, :3], columns[:, 3:])
 
@@ -167,11 +168,11 @@ class PlatformRecording:
     """
 
     settings: PlatformSettings
-    t_s: Array
+    t_s: FloatArray
     plate: Poses
     foot: Poses | None
-    force_t_s: Array
-    wrench: Array
+    force_t_s: FloatArray
+    wrench: FloatArray
     notes: tuple[str, ...] = ()
 
     @classmethod

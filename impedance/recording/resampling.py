@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
+from messages.arrays import FloatArray
 
 _HALF_WIDTH: Final = 24
 """Zero crossings of the sinc on either side."""
@@ -14,7 +14,7 @@ _SAME_TIME: Final = 1e-4
 _CHUNK: Final = 4096
 
 
-def resampled(t_s: Array, values: Array, at_s: Array) -> Array:
+def resampled(t_s: FloatArray, values: FloatArray, at_s: FloatArray) -> FloatArray:
     """Return `values` (n, c), known on the uniform grid `t_s` (n,), at the times `at_s` (k,) of a uniform grid: (k, c).
 
     A Kaiser-windowed sinc, cut off at nine tenths of the lower Nyquist frequency, without delay. NaN wherever a sample
@@ -41,8 +41,8 @@ def resampled(t_s: Array, values: Array, at_s: Array) -> Array:
     return found
 
 
-def _taken(values: Array, index: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> Array:
+def _taken(values: FloatArray, index: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> FloatArray:
     """Return `values[index]`, NaN beyond the ends."""
     inside = (index >= 0) & (index < len(values))
-    taken: Array = np.where(inside[..., None], values[np.clip(index, 0, len(values) - 1)], np.nan)
+    taken: FloatArray = np.where(inside[..., None], values[np.clip(index, 0, len(values) - 1)], np.nan)
     return taken

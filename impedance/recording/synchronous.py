@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from impedance.body.rigid_body import Array
 from impedance.recording.recording import PlatformRecording, PlatformSettings, Poses
 from impedance.recording.resampling import resampled
+from messages.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -15,12 +14,12 @@ class Synchronous:
     """Motion and wrench (n, 6) at `t_s` (n,), `rate_hz` apart; NaN stands where not `valid` (n,)."""
 
     settings: PlatformSettings
-    t_s: Array
+    t_s: FloatArray
     rate_hz: float
     plate: Poses
     foot: Poses | None
-    wrench: Array
-    valid: NDArray[np.bool_]
+    wrench: FloatArray
+    valid: BoolArray
 
 
 def synchronous(recording: PlatformRecording) -> Synchronous:

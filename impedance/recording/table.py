@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
+from messages.arrays import FloatArray
 from messages.errors import UserError
 
 
-def read_columns(path: Path, columns: Sequence[str]) -> Array:
+def read_columns(path: Path, columns: Sequence[str]) -> FloatArray:
     """Return the numbers (n, c) of `columns`, in that order; an empty cell or `nan` is NaN, other columns are left out.
 
     Raises UserError naming the file and the missing column, or the row and column of a cell that is no number.
@@ -39,7 +39,7 @@ def read_columns(path: Path, columns: Sequence[str]) -> Array:
     return np.ascontiguousarray(values[:, [header.index(name) for name in columns]])
 
 
-def write_columns(path: Path, columns: Sequence[str], values: Array) -> None:
+def write_columns(path: Path, columns: Sequence[str], values: FloatArray) -> None:
     """Write numbers (n, c) under the names `columns`, in one step; raises UserError where it cannot."""
     part = path.with_name(path.name + ".part")
     try:

@@ -11,8 +11,9 @@ from typing import Final
 import numpy as np
 from scipy.optimize import Bounds, minimize
 
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
 from impedance.thesis.estimator import WEIGHTS, LinearResidual
+from messages.arrays import FloatArray
 
 _MOST_STEPS: Final = 300
 _LEAST_STEP: Final = 1e-10
@@ -30,11 +31,11 @@ def descended(residual: LinearResidual, mass_kg: float | None, start: Inertia, *
     share = np.tile(WEIGHTS, len(residual.wrench)) / len(residual.wrench)
     known = np.array([] if mass_kg is None else [mass_kg])
 
-    def body(unknowns: Array) -> Inertia:
+    def body(unknowns: FloatArray) -> Inertia:
         ten = np.concatenate([known, unknowns])
         return Inertia.about(float(ten[0]), ten[1:4], ten[4:])
 
-    def cost(unknowns: Array) -> float:
+    def cost(unknowns: FloatArray) -> float:
         misfit = np.abs(columns @ residual.vector(body(unknowns)) - wrench)
         return float(share @ misfit)
 

@@ -19,10 +19,11 @@ import numpy as np
 
 from impedance.body.geometry import GRAVITY_I_MPS2
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array, Inertia, cross_matrix, wrench_transform
+from impedance.body.rigid_body import Inertia, cross_matrix, wrench_transform
 from impedance.recording.recording import PlatformRecording, Poses
 from impedance.thesis.least_absolute import least_absolute
 from impedance.thesis.signals import DERIVATIVE_LOST, derivatives, low_passed
+from messages.arrays import FloatArray
 
 WEIGHTS: Final = (1.0, 1.0, 1.0, 2.0, 2.0, 2.0)
 
@@ -54,31 +55,31 @@ class LinearResidual:
     `transport`: +1 where π holds J + m (|d|² 1 − d dᵀ) of the centre of gravity's J, −1 as the printed signs have it.
     """
 
-    columns: Array
-    wrench: Array
+    columns: FloatArray
+    wrench: FloatArray
     transport: float
 
-    def body(self, vector: Array) -> Inertia:
+    def body(self, vector: FloatArray) -> Inertia:
         """Return the body that π (10,) describes; it need not be one that can exist."""
         plain = Inertia.from_vector(vector)
         if self.transport > 0.0:
             return plain
         return Inertia(plain.mass_kg, plain.cog_m, plain.inertia_kgm2 + 2.0 * _transport(plain))
 
-    def vector(self, body: Inertia) -> Array:
+    def vector(self, body: Inertia) -> FloatArray:
         """Return π (10,) of `body`: the inverse of `body()`."""
         if self.transport > 0.0:
             return body.vector
         return Inertia(body.mass_kg, body.cog_m, body.inertia_kgm2 - 2.0 * _transport(body)).vector
 
-    def mean_cost(self, vector: Array) -> float:
+    def mean_cost(self, vector: FloatArray) -> float:
         """Return the cost (5) or (6) of π (10,)."""
         return float(np.abs(self.columns @ vector - self.wrench).mean(axis=0) @ np.array(WEIGHTS))
 
 
-def _transport(body: Inertia) -> Array:
+def _transport(body: Inertia) -> FloatArray:
     d = body.cog_m
-    moved: Array = body.mass_kg * (d @ d * np.eye(3) - np.outer(d, d))
+    moved: FloatArray = body.mass_kg * (d @ d * np.eye(3) - np.outer(d, d))
     return moved
 
 
@@ -119,14 +120,14 @@ def foot_residual(recording: PlatformRecording, plate: Inertia, variant: Variant
     return LinearResidual(columns, wrench - plate_only.columns @ plate_only.vector(plate), transport)
 
 
-def _plate_columns(recording: PlatformRecording, variant: Variant) -> Array:
+def _plate_columns(recording: PlatformRecording, variant: Variant) -> FloatArray:
     tared = _columns(_LEVEL, variant)
     if not variant.tare_moment:
         tared[:, 3:] = 0.0
     return _columns(_moved(recording.plate, recording, variant), variant) - tared
 
 
-def _columns(motion: Kinematics, variant: Variant) -> Array:
+def _columns(motion: Kinematics, variant: Variant) -> FloatArray:
     """Return Y (n, 6, 10)."""
     Y = motion.regressor
     if variant.printed_signs:
@@ -142,13 +143,13 @@ def _moved(poses: Poses, recording: PlatformRecording, variant: Variant) -> Kine
     return Kinematics.of_pose(*derivatives(euler_rad, rate_hz), derivatives(p_m, rate_hz)[2])
 
 
-def _wrench(recording: PlatformRecording, variant: Variant) -> Array:
+def _wrench(recording: PlatformRecording, variant: Variant) -> FloatArray:
     if not np.array_equal(recording.t_s, recording.force_t_s):
         raise ValueError("motion and wrench are not sampled together")
     wrench = recording.wrench
     if variant.filtered:
         wrench = low_passed(wrench, recording.settings.rates.force_hz)
-    inner: Array = wrench[DERIVATIVE_LOST:-DERIVATIVE_LOST].copy()
+    inner: FloatArray = wrench[DERIVATIVE_LOST:-DERIVATIVE_LOST].copy()
     return inner
 
 
@@ -156,7 +157,7 @@ def _transport_sign(variant: Variant) -> float:
     return -1.0 if variant.printed_signs else 1.0
 
 
-def mass_upright(force_n: Array) -> float:
+def mass_upright(force_n: FloatArray) -> float:
     """Return the mass (kg) of a tared plate turned upright at rest, from its force readings (n, 3).
 
     The tare took the weight along Y; upright, the weight pulls across Y and is read in full.
@@ -201,7 +202,7 @@ def least_residual(residual: LinearResidual, mass_kg: float | None, *, moments_b
     raise ArithmeticError(f"moments of inertia still below zero after {_MOST_CUTS} cutting planes")
 
 
-def _cut(vector: Array, axis: int) -> Array:
+def _cut(vector: FloatArray, axis: int) -> FloatArray:
     """Return c (10,) with c π ≥ 0 where J_axis ≥ h²/m, h the first moment across the axis: its tangent at `vector`."""
     d = vector[1:4] / vector[0]
     d[axis] = 0.0

@@ -16,9 +16,8 @@ from typing import Final
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 _MOST_STEPS: Final = 100
 _DEPENDENT: Final = 1e-12  # what a column adds to those before it, of its length

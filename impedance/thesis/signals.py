@@ -7,11 +7,9 @@ made up, and the value returned at a time is the one centred on it: no delay is 
 
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import fftconvolve, firwin, savgol_coeffs
 
-FloatArray = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 LOW_PASS_CUTOFF_HZ: Final = 40.0
 LOW_PASS_ORDER: Final = 100

@@ -4,15 +4,13 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.recording.asl_folder import TruthTrack
 from messages import Frame, GroundPlane, Status, UnitCalibration
+from messages.arrays import FloatArray
 from perception import so3
 from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
-
-FloatArray = NDArray[np.float64]
 
 
 def pose_at(track: TruthTrack, t_ns: int) -> tuple[FloatArray, FloatArray] | None:

@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from messages import GreyImage, Lens, Pose, Residual, StereoCalibration, matrix3
+from messages import Lens, Pose, Residual, StereoCalibration, matrix3
+from messages.arrays import FloatArray, GreyImage
 from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeter
 from perception.ground.plane import Plane, PlaneFitter
@@ -27,7 +28,7 @@ class RealPair:
 
     left: GreyImage
     right: GreyImage
-    disparity_px: NDArray[np.float64]
+    disparity_px: FloatArray
     calibration: StereoCalibration
 
 
@@ -105,7 +106,7 @@ def compare_floor(pair: RealPair) -> FloorComparison:
     )
 
 
-def _true_floor(pair: RealPair, R_HC: NDArray[np.float64]) -> Plane:
+def _true_floor(pair: RealPair, R_HC: FloatArray) -> Plane:
     v, u = np.nonzero(np.isfinite(pair.disparity_px))
     rays_C = np.stack(((u - CX_LEFT_PX) / F_PX, (v - CY_PX) / F_PX, np.ones(len(u))), axis=-1)
     rays_H, disparity_px = rays_C @ R_HC.T, pair.disparity_px[v, u]

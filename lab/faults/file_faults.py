@@ -5,7 +5,6 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.files import format_calibration
@@ -15,6 +14,7 @@ from drivers.can.bus import CanSettings
 from lab.faults.daemon_process import DaemonPlan
 from lab.faults.fault import USB_RECOVERY_S, Command, Expect, Fault, Layer, Restart
 from messages import Calibration, Source, matrix3, vec3
+from messages.arrays import FloatArray
 
 _FULL_AFTER_BYTES = 20_000_000
 replace = msgspec.structs.replace
@@ -82,7 +82,7 @@ def _longer_baseline(plan: DaemonPlan, _folder: Path) -> DaemonPlan:
     return replace(plan, calibration=_with_pair(found, np.array(found.stereo.X_RL.R), 1.02))
 
 
-def _with_pair(found: Calibration, R_RL: NDArray[np.float64], scale: float) -> Calibration:
+def _with_pair(found: Calibration, R_RL: FloatArray, scale: float) -> Calibration:
     X_RL = replace(found.stereo.X_RL, R=matrix3(R_RL), p_m=vec3(scale * np.array(found.stereo.X_RL.p_m)))
     return replace(found, stereo=replace(found.stereo, X_RL=X_RL))
 

@@ -16,9 +16,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from messages import Attitude, GroundPlane, GroundTruth, Reason, Status
+from messages.arrays import FloatArray
 from perception import so3
 
 WRONG_SLOPE_RAD = math.radians(3.0)
@@ -62,13 +62,13 @@ def errors_of(ground: GroundPlane, truth: GroundTruth) -> Errors:
     )
 
 
-def tilt_error_rad(attitude: Attitude, R_WB: NDArray[np.float64]) -> float:
+def tilt_error_rad(attitude: Attitude, R_WB: FloatArray) -> float:
     """Return the angle between the vertical of a valid attitude and the true one."""
     up_B, true_up_B = so3.matrix_from_quaternion(attitude.q_WB)[2], R_WB[2]
     return float(np.arctan2(np.linalg.norm(np.cross(up_B, true_up_B)), up_B @ true_up_B))
 
 
-def is_wrong_attitude(attitude: Attitude, R_WB: NDArray[np.float64]) -> bool:
+def is_wrong_attitude(attitude: Attitude, R_WB: FloatArray) -> bool:
     """Return whether a valid attitude is wrong at an instant whose truth is `R_WB` (3, 3)."""
     xx, xy, _, yy, _, _ = attitude.rotation_cov_W_rad2
     deviation = math.sqrt(float(np.linalg.eigvalsh([[xx, xy], [xy, yy]])[-1]))

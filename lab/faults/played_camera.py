@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from drivers.camera import v4l2_abi as v4l2
 from drivers.camera.frame_pool import GRID_NS
 from drivers.camera.v4l2_device import IoctlArgument, LinuxKernel
-from messages import GreyImage
+from messages.arrays import GreyImage
 from sim_rig.camera.rendered_frames import Rendered
 from sim_rig.camera.v4l2_node import Fault, Mode, V4l2Node
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from lab.faults.played_camera import Pair, Spoil
-from messages import GreyImage
+from messages.arrays import GreyImage
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX
 
 _FOCAL_PX = 698.6

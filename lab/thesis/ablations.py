@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
 from impedance.thesis.estimator import Variant
 from lab.thesis.printed import FOOT, PLATE, RATES_HZ, ROWS, PrintedTable, body_of, rows_of
 from lab.thesis.study import NOISE_FREE, Experiment, Laboratory, Treatment
+from messages.arrays import FloatArray
 from sim_rig.platform.rig import THESIS_NOISE, Noise
 
 _THESIS: Final = Treatment()
@@ -32,8 +32,8 @@ class Effect:
     """
 
     cause: str
-    plate: Array
-    foot: Array
+    plate: FloatArray
+    foot: FloatArray
     impossible: float
 
     @property
@@ -144,18 +144,18 @@ def printed_effects() -> list[Effect]:
     return effects
 
 
-def _noisy(table: PrintedTable) -> Array:
+def _noisy(table: PrintedTable) -> FloatArray:
     """Return two draws that have the printed mean and deviation."""
     spread = np.array(table.noisy_deviation) / np.sqrt(2.0)
-    draws: Array = np.array(table.noisy_mean) + np.array([spread, -spread])
+    draws: FloatArray = np.array(table.noisy_mean) + np.array([spread, -spread])
     return draws
 
 
-def _impossible(rows: Array) -> float:
+def _impossible(rows: FloatArray) -> float:
     return float(not body_of(tuple(rows.tolist())).is_consistent)
 
 
-def _cell(errors: Array, name: str) -> str:
+def _cell(errors: FloatArray, name: str) -> str:
     column = errors[:, ROWS.index(name)]
     if len(column) == 1:
         return f"{column[0]:.1f}"

@@ -13,9 +13,10 @@ from typing import Final
 import numpy as np
 
 from impedance.body import geometry
-from impedance.body.rigid_body import Array, cross_matrix
+from impedance.body.rigid_body import cross_matrix
 from lab.thesis import signals as do
 from lab.thesis.signals import Signals
+from messages.arrays import FloatArray
 from sim_rig.platform.rig import FOOT, THESIS_NOISE, Rig
 from systems.platform.memory import last_kept, with_play
 
@@ -59,7 +60,7 @@ class Cause:
         return self.name.partition(" ")[0]
 
 
-def _channels(*names: str) -> Array:
+def _channels(*names: str) -> FloatArray:
     mask = np.array([name in names for name in WRENCH], dtype=np.float64)
     return mask
 
@@ -68,7 +69,7 @@ _FORCES, _MOMENTS = _channels("fx", "fy", "fz"), _channels("tx", "ty", "tz")
 _STEPS_OF_FILE = _FORCES + _FORCE_PER_MOMENT * _MOMENTS  # N and N·m for a size of 1 N
 
 
-def _gain(mask: Array, s: Signals, size: float) -> Signals:
+def _gain(mask: FloatArray, s: Signals, size: float) -> Signals:
     return s.with_wrench(s.wrench * (1.0 + size * mask))
 
 
@@ -159,12 +160,12 @@ def _clock_drift(s: Signals, size: float) -> Signals:
     return s.with_wrench(do.drifted(s.wrench, size))
 
 
-def _saturation(mask: Array, s: Signals, size: float) -> Signals:
+def _saturation(mask: FloatArray, s: Signals, size: float) -> Signals:
     limit = np.where(mask > 0.0, (1.0 - size) * np.abs(s.wrench).max(axis=0), np.inf)
     return s.with_wrench(np.clip(s.wrench, -limit, limit))
 
 
-def _backlash(mask: Array, s: Signals, size: float) -> Signals:
+def _backlash(mask: FloatArray, s: Signals, size: float) -> Signals:
     return s.with_wrench(with_play(s.wrench, 0.5 * size * mask, 0.0))
 
 
@@ -179,7 +180,7 @@ def _position_steps(s: Signals, size: float) -> Signals:
     if size == 0.0:
         return s
 
-    def rounded(poses: Array) -> Array:
+    def rounded(poses: FloatArray) -> FloatArray:
         return np.hstack((size * np.round(poses[:, :3] / size), poses[:, 3:]))
 
     return s.with_motion(rounded(s.plate), None if s.foot is None else rounded(s.foot))

@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
 from impedance.recording.recording import Poses
 from impedance.thesis.estimator import (
     LinearResidual,
@@ -30,6 +30,7 @@ from impedance.thesis.estimator import (
 from lab.thesis.causes import ALIASING, CAUSES, changed
 from lab.thesis.printed import FOOT, PLATE, RATES_HZ, ROWS, rows_of
 from lab.thesis.signals import Signals
+from messages.arrays import FloatArray
 from messages.errors import UserError
 from sim_rig.platform import rig
 from sim_rig.platform.run import RunSettings, SimulatedRun, simulate
@@ -49,12 +50,12 @@ Sizes = Mapping[str, float]
 """A hypothesis: causes by name with their sizes."""
 
 
-def printed_cells() -> Array:
+def printed_cells() -> FloatArray:
     """Return the experiments' columns of both tables, (3 rates, 19 cells)."""
     return np.hstack((np.array(PLATE.experiment)[:, 1:], np.array(FOOT.experiment)))
 
 
-def tolerances() -> Array:
+def tolerances() -> FloatArray:
     """Return each cell's tolerance (19,): the spread of its three runs, and the rounding of what is printed.
 
     tol² = s² + Δ² / 12, s the standard deviation over the three runs, Δ the last digit's unit. The foot's Jx is printed
@@ -63,7 +64,7 @@ def tolerances() -> Array:
     """
     spread = printed_cells().std(axis=0, ddof=1)
     spread[PINNED] = spread[_TWIN]
-    tolerance: Array = np.sqrt(spread**2 + _RESOLUTION**2 / 12.0)
+    tolerance: FloatArray = np.sqrt(spread**2 + _RESOLUTION**2 / 12.0)
     return tolerance
 
 
@@ -73,7 +74,7 @@ class Columns(msgspec.Struct, frozen=True):
     free: list[list[float]]
     bounded: list[list[float]]
 
-    def cells(self, bounded: bool) -> Array:
+    def cells(self, bounded: bool) -> FloatArray:
         """Return one of both."""
         return np.array(self.bounded if bounded else self.free)
 
@@ -117,7 +118,7 @@ class Study:
         text = "; ".join(f"{name} = {sizes[name]!r}" for name in sorted(sizes))
         return self.folder / f"columns_{hashlib.sha256(text.encode()).hexdigest()[:24]}.json"
 
-    def _estimated(self, hz: int, sizes: Sizes) -> tuple[Array, Array]:
+    def _estimated(self, hz: int, sizes: Sizes) -> tuple[FloatArray, FloatArray]:
         raw = sizes.get(ALIASING, 0.0) > 0.0
         bare, loaded = (changed(_signals(self, hz, foot, raw), sizes).recorded for foot in (False, True))
         plate = least_residual(_thinned(plate_residual(bare, Variant())), rig.PLATE.mass_kg, moments_bounded=False)
@@ -145,7 +146,7 @@ def _estimated_in_folder(study: Study, sizes: Sizes) -> Sizes:
     return sizes
 
 
-def _cells(plate: Inertia, foot: Inertia) -> Array:
+def _cells(plate: Inertia, foot: Inertia) -> FloatArray:
     return np.concatenate((rows_of(plate)[1:], rows_of(foot)))
 
 
@@ -197,11 +198,11 @@ def _keep(path: Path, run: SimulatedRun) -> None:
 class Misfit:
     """How far a hypothesis is from the printed columns, in tolerances: z (3 rates, 19 cells)."""
 
-    z: Array
+    z: FloatArray
     pinned: bool
 
     @classmethod
-    def of(cls, cells: Array) -> "Misfit":
+    def of(cls, cells: FloatArray) -> "Misfit":
         """Return the misfit of estimated or interpolated `cells` (3, 19)."""
         z = (cells - printed_cells()) / tolerances()
         at_zero = np.abs(cells[:, PINNED]) < 0.5 * _RESOLUTION[PINNED]
@@ -239,7 +240,7 @@ class Misfit:
         return self.pinned and not self.missed
 
 
-def _rms(z: Array) -> float:
+def _rms(z: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.square(z))))
 
 

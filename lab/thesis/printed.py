@@ -10,7 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
+from messages.arrays import FloatArray
 
 ROWS: Final = ("m", "x0", "y0", "z0", "Jx", "Jy", "Jz", "Jyz", "Jxz", "Jxy")
 UNITS: Final = ("kg", "mm", "mm", "mm", *("g m²",) * 6)
@@ -60,7 +61,7 @@ FOOT: Final = PrintedTable(
 )
 
 
-def rows_of(body: Inertia) -> Array:
+def rows_of(body: Inertia) -> FloatArray:
     """Return `body` as the ten rows of a table, (10,), in their units."""
     return np.concatenate(([body.mass_kg], 1e3 * body.cog_m, 1e3 * body.about_cog()))
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
 from lab.thesis.printed import CUBOID_SIZE_M, FOOT, PLATE, RATES_HZ, ROWS, UNITS, PrintedTable, cuboid, rows_of
+from messages.arrays import FloatArray
 
 Pair = tuple[Inertia, Inertia]
 """Plate and foot."""
@@ -19,9 +20,9 @@ class Reproduced:
     `noisy` (draws, 10) and `noise_free` (10,) are errors against the reference, at one update rate.
     """
 
-    experiment: Array
-    noisy: Array
-    noise_free: Array
+    experiment: FloatArray
+    noisy: FloatArray
+    noise_free: FloatArray
 
     @property
     def facts(self) -> dict[str, object]:
@@ -47,7 +48,7 @@ def reproduced(experiments: Sequence[Pair], noisy: Sequence[Pair], noise_free: P
     return table(0, PLATE), table(1, FOOT)
 
 
-def cuboid_rows() -> Array:
+def cuboid_rows() -> FloatArray:
     """Return the ideal cuboid's column (10,), computed."""
     return rows_of(cuboid(PLATE.reference[0], CUBOID_SIZE_M))
 

@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator, PchipInterpolator
 from scipy.optimize import minimize
 
-from impedance.body.rigid_body import Array
 from lab.thesis.causes import CAUSES
 from lab.thesis.hypotheses import (
     FIT,
@@ -27,8 +25,7 @@ from lab.thesis.hypotheses import (
     printed_cells,
     tolerances,
 )
-
-Places = NDArray[np.int64]
+from messages.arrays import FloatArray, IntArray
 
 GRID: Final = 21  # sizes of each cause
 _SETTLED: Final = 0.01  # of a size, by which it no longer moves
@@ -39,9 +36,9 @@ _SCALE_OF_RIDGE: Final = 5.0  # g m² below zero, from which on the bound tells 
 class Curves:
     """What each cause does to the cells, (3 rates, 19), as a function of its size, and the ridge c (3, 19)."""
 
-    base: Array
-    answers: Mapping[str, Callable[[Array], Array]]
-    ridge: Array
+    base: FloatArray
+    answers: Mapping[str, Callable[[FloatArray], FloatArray]]
+    ridge: FloatArray
 
     @classmethod
     def of(cls, study: Study, names: Sequence[str]) -> "Curves":
@@ -61,38 +58,40 @@ class Curves:
         }
         return cls(base.cells(False), answers, _ridge(every))
 
-    def answer(self, name: str, sizes: Array) -> Array:
+    def answer(self, name: str, sizes: FloatArray) -> FloatArray:
         """Return Δ of a cause at `sizes` (g,) within its range, (g, 3, 19); of a switch, at its nearer end."""
         return self.answers[name](sizes)
 
-    def cells(self, sizes: Sizes, bounded: bool) -> Array:
+    def cells(self, sizes: Sizes, bounded: bool) -> FloatArray:
         """Return the cells (3, 19) of a hypothesis as the sum of its causes."""
         total = self.base + sum(self.answer(name, np.array([size]))[0] for name, size in sizes.items())
         return self.on_ridge(total, np.minimum(total[:, PINNED], 0.0)) if bounded else total
 
-    def on_ridge(self, cells: Array, below: Array) -> Array:
+    def on_ridge(self, cells: FloatArray, below: FloatArray) -> FloatArray:
         """Return cells (…, 3, 19) moved along the ridge until Jx is higher by −`below` (…, 3)."""
-        moved: Array = cells - below[..., None] * self.ridge
+        moved: FloatArray = cells - below[..., None] * self.ridge
         return moved
 
 
-def _tried(name: str) -> Array:
+def _tried(name: str) -> FloatArray:
     """Return a cause's sizes on the grid (GRID,): evenly over its range; of a switch, its ends alone."""
     knots = CAUSES[name].knots
-    even: Array = np.linspace(knots[0], knots[-1], GRID)
+    even: FloatArray = np.linspace(knots[0], knots[-1], GRID)
     return np.where(even < even.mean(), knots[0], knots[-1]) if CAUSES[name].switch else even
 
 
-def _through(name: str, answers: Sequence[Array]) -> Callable[[Array], Array]:
+def _through(name: str, answers: Sequence[FloatArray]) -> Callable[[FloatArray], FloatArray]:
     """Return the curve through a cause's answers at its knots."""
     knots, values = np.array(CAUSES[name].knots), np.array(answers)
     if CAUSES[name].switch:
         return lambda sizes: values[np.abs(knots[:, None] - sizes).argmin(axis=0)]
-    curve: Callable[[Array], Array] = (PchipInterpolator if len(knots) > 3 else BarycentricInterpolator)(knots, values)
+    curve: Callable[[FloatArray], FloatArray] = (PchipInterpolator if len(knots) > 3 else BarycentricInterpolator)(
+        knots, values
+    )
     return curve
 
 
-def _ridge(every: Sequence[Columns]) -> Array:
+def _ridge(every: Sequence[Columns]) -> FloatArray:
     """Return c (3, 19): what the bound does to the cells for each g m² of Jx below zero, the median over all runs."""
     free, bounded = (np.array([columns.cells(which) for columns in every]) for which in (False, True))
     below = -free[..., PINNED]
@@ -101,7 +100,7 @@ def _ridge(every: Sequence[Columns]) -> Array:
         alone = np.zeros(free.shape[1:])
         alone[:, PINNED] = 1.0
         return alone
-    direction: Array = np.nanmedian((bounded - free) / told[..., None], axis=0)
+    direction: FloatArray = np.nanmedian((bounded - free) / told[..., None], axis=0)
     return direction
 
 
@@ -129,11 +128,11 @@ class Scan:
     """
 
     names: tuple[str, ...]
-    sizes: Array
-    single: Array
-    single_at: Places
-    pair: Array
-    pair_at: Places
+    sizes: FloatArray
+    single: FloatArray
+    single_at: IntArray
+    pair: FloatArray
+    pair_at: IntArray
 
     def best_pairs(self, count: int) -> list[dict[str, float]]:
         """Return so many pairs of least misfit with their sizes, the best first."""
@@ -163,7 +162,7 @@ class Grid:
         self.free, self.free_target = self._in_tolerances(curves, answers, False)
         self.held, self.held_target = self._in_tolerances(curves, answers, True)
 
-    def _in_tolerances(self, curves: Curves, answers: Array, bounded: bool) -> tuple[Array, Array]:
+    def _in_tolerances(self, curves: Curves, answers: FloatArray, bounded: bool) -> tuple[FloatArray, FloatArray]:
         """Return the answers (E, GRID, 38) and what they must add up to (38,), over both tables at 29 and 40 Hz."""
         base = curves.base
         if bounded:
@@ -187,16 +186,16 @@ class Grid:
             pair_at[i, i + 1 :] = np.column_stack(np.divmod(best, GRID))
         return Scan(self.names, self.sizes, single, single_at, pair, pair_at)
 
-    def _cost(self, free: Array, held: Array, jx: Array, others: slice | None) -> Array:
+    def _cost(self, free: FloatArray, held: FloatArray, jx: FloatArray, others: slice | None) -> FloatArray:
         """Return the squares' sum of one cause (GRID,), or with each other cause (GRID, others, GRID)."""
 
-        def squares(answers: Array, every: Array, target: Array) -> Array:
+        def squares(answers: FloatArray, every: FloatArray, target: FloatArray) -> FloatArray:
             rest = target - answers
             if others is None:
-                alone: Array = (rest**2).sum(axis=-1)
+                alone: FloatArray = (rest**2).sum(axis=-1)
                 return alone
             more = every[others]
-            cross: Array = (
+            cross: FloatArray = (
                 (rest**2).sum(axis=-1)[:, None, None]
                 + (more**2).sum(axis=-1)
                 - 2.0 * np.tensordot(rest, more, axes=(-1, -1))
@@ -211,7 +210,7 @@ class Grid:
             total = total[:, None, None] + self.jx[others]
         return np.where((total < 0.0).all(axis=-1), squares(held, self.held, self.held_target), cost)
 
-    def best_of_flipped(self, draws: int, seed: int) -> Array:
+    def best_of_flipped(self, draws: int, seed: int) -> FloatArray:
         """Return what the best pair leaves of made-up tables, as a share of their misfit (draws,); the first is real.
 
         A made-up table has the printed deviations with the sign of each of its rows drawn anew, the same at both rates,
@@ -232,7 +231,7 @@ class Grid:
                 change = joint - 2.0 * (onto[block, k][:, None] + onto[first + GRID :, k])
                 least[k] = min(least[k], float(change.min()))
         whole = (targets**2).sum(axis=1)
-        share: Array = (whole + least) / whole
+        share: FloatArray = (whole + least) / whole
         return share
 
 
@@ -275,21 +274,23 @@ def with_third(study: Study, curves: Curves, pair: Candidate, count: int) -> lis
     return [sizes for _, sizes in sorted(found, key=lambda each: each[0])[:count]]
 
 
-def _moved(curves: Curves, sizes: Sizes, free_off: Array, bounded: bool) -> Array:
+def _moved(curves: Curves, sizes: Sizes, free_off: FloatArray, bounded: bool) -> FloatArray:
     free = curves.cells(sizes, False) + free_off
     return curves.on_ridge(free, np.minimum(free[:, PINNED], 0.0)) if bounded else free
 
 
-def _continued(curves: Curves, start: Sizes, bounded: bool, free_off: Array, held_off: Array) -> dict[str, float]:
+def _continued(
+    curves: Curves, start: Sizes, bounded: bool, free_off: FloatArray, held_off: FloatArray
+) -> dict[str, float]:
     """Return sizes, not on the grid, of least misfit by the corrected curves; switches stay."""
     moving = [name for name in start if not CAUSES[name].switch]
     low, high = (np.array([CAUSES[name].knots[end] for name in moving]) for end in (0, -1))
 
-    def sizes_of(shares: Array) -> dict[str, float]:
+    def sizes_of(shares: FloatArray) -> dict[str, float]:
         placed = low + np.clip(shares, 0.0, 1.0) * (high - low)
         return {**start, **dict(zip(moving, placed.tolist(), strict=True))}
 
-    def cost(shares: Array) -> float:
+    def cost(shares: FloatArray) -> float:
         cells = _moved(curves, sizes_of(shares), free_off, bounded) + (held_off if bounded else 0.0)
         outside = float(np.square(shares - np.clip(shares, 0.0, 1.0)).sum())
         return Misfit.of(cells).fit + 1e3 * outside

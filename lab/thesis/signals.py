@@ -15,8 +15,9 @@ from scipy.interpolate import CubicSpline
 
 from impedance.body import geometry
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array, Inertia, cross_matrix
+from impedance.body.rigid_body import Inertia, cross_matrix
 from impedance.recording.recording import PlatformRecording, Poses
+from messages.arrays import FloatArray
 from sim_rig.platform.rig import FOOT, MOTION_HZ, THESIS_NOISE, Noise, Rig
 from sim_rig.platform.run import SimulatedRun, measured
 
@@ -32,11 +33,11 @@ class Signals:
     """
 
     recording: PlatformRecording
-    angles_rad: Array
+    angles_rad: FloatArray
     kinematics: Kinematics
-    plate: Array
-    foot: Array | None
-    wrench: Array
+    plate: FloatArray
+    foot: FloatArray | None
+    wrench: FloatArray
     seed: int
     noise: Noise = THESIS_NOISE
 
@@ -76,67 +77,67 @@ class Signals:
             wrench=self.wrench + wrench_std * draws[2],
         )
 
-    def with_motion(self, plate: Array, foot: Array | None) -> "Signals":
+    def with_motion(self, plate: FloatArray, foot: FloatArray | None) -> "Signals":
         """Return the signals with other poses."""
         return replace(self, plate=plate, foot=foot)
 
-    def with_wrench(self, wrench: Array) -> "Signals":
+    def with_wrench(self, wrench: FloatArray) -> "Signals":
         """Return the signals with another wrench."""
         return replace(self, wrench=wrench)
 
     @property
-    def axis_z(self) -> Array:
+    def axis_z(self) -> FloatArray:
         """Return the joint's first axis, I's Z, in P (n, 3): (0, sin φ, cos φ)."""
         phi = self.angles_rad[:, 1]
         return np.column_stack((np.zeros_like(phi), np.sin(phi), np.cos(phi)))
 
     @property
-    def rates_radps(self) -> Array:
+    def rates_radps(self) -> FloatArray:
         """Return (θ̇, φ̇) (n, 2)."""
         w = self.kinematics.w
         return np.column_stack(((w * self.axis_z).sum(axis=1), w[:, 0]))
 
 
-def shaped(samples: Array, response: Array | NDArray[np.complexfloating]) -> Array:
+def shaped(samples: FloatArray, response: FloatArray | NDArray[np.complexfloating]) -> FloatArray:
     """Return `samples` (n, k) through the frequency response at `frequencies_hz(n)`, mirrored at the ends."""
     mirrored = np.pad(samples, ((_MIRRORED, _MIRRORED), (0, 0)), mode="reflect", reflect_type="odd")
     length = scipy.fft.next_fast_len(len(mirrored), real=True)
     spectrum = scipy.fft.rfft(mirrored, length, axis=0) * response[:, None]
-    through: Array = scipy.fft.irfft(spectrum, length, axis=0)[_MIRRORED : _MIRRORED + len(samples)]
+    through: FloatArray = scipy.fft.irfft(spectrum, length, axis=0)[_MIRRORED : _MIRRORED + len(samples)]
     return through
 
 
-def frequencies_hz(samples: int) -> Array:
+def frequencies_hz(samples: int) -> FloatArray:
     """Return the frequencies at which `shaped` wants the response for so many samples at 350 Hz."""
     length = scipy.fft.next_fast_len(samples + 2 * _MIRRORED, real=True)
-    grid: Array = scipy.fft.rfftfreq(length, 1.0 / MOTION_HZ)
+    grid: FloatArray = scipy.fft.rfftfreq(length, 1.0 / MOTION_HZ)
     return grid
 
 
-def delayed(samples: Array, delay_s: float) -> Array:
+def delayed(samples: FloatArray, delay_s: float) -> FloatArray:
     """Return `samples` (n, k) late by `delay_s`."""
     return shaped(samples, np.exp(-2j * np.pi * frequencies_hz(len(samples)) * delay_s))
 
 
-def lagged(samples: Array, time_constant_s: float) -> Array:
+def lagged(samples: FloatArray, time_constant_s: float) -> FloatArray:
     """Return `samples` (n, k) through 1 / (1 + s τ)."""
     return shaped(samples, 1.0 / (1.0 + 2j * np.pi * frequencies_hz(len(samples)) * time_constant_s))
 
 
-def smoothed(samples: Array, inverse_cutoff_s: float) -> Array:
+def smoothed(samples: FloatArray, inverse_cutoff_s: float) -> FloatArray:
     """Return `samples` (n, k) through 1 / (1 + (f / f_c)⁴): a second-order Butterworth, forward and back."""
     return shaped(samples, 1.0 / (1.0 + (frequencies_hz(len(samples)) * inverse_cutoff_s) ** 4))
 
 
-def drifted(samples: Array, rate: float) -> Array:
+def drifted(samples: FloatArray, rate: float) -> FloatArray:
     """Return `samples` (n, k) stamped by a clock that runs fast by `rate` and is right in the middle of the run."""
     t_s = np.arange(len(samples)) / MOTION_HZ
     middle_s = 0.5 * t_s[-1]
-    inside: Array = CubicSpline(t_s, samples)(np.clip(middle_s + (t_s - middle_s) / (1.0 + rate), 0.0, t_s[-1]))
+    inside: FloatArray = CubicSpline(t_s, samples)(np.clip(middle_s + (t_s - middle_s) / (1.0 + rate), 0.0, t_s[-1]))
     return inside
 
 
-def external_moment(signals: Signals, about_z: Array, about_x: Array) -> Signals:
+def external_moment(signals: Signals, about_z: FloatArray, about_x: FloatArray) -> Signals:
     """Return the signals when moments (n,) about I's Z and P's X act from outside on what is above the sensor.
 
     The sensor then gives that much less.
@@ -206,13 +207,13 @@ def on_rocking_tape(signals: Signals, axis: int, period_s: float, damping_ratio:
     return replace(signals, wrench=wrench, foot=foot)
 
 
-def _foot_wrench(signals: Signals) -> Array:
+def _foot_wrench(signals: Signals) -> FloatArray:
     """Return the wrench (n, 6) on the rigid foot, about P's origin in P."""
-    wrench: Array = signals.kinematics.regressor @ FOOT.seen_from(np.eye(3), _ORIGIN_M).vector
+    wrench: FloatArray = signals.kinematics.regressor @ FOOT.seen_from(np.eye(3), _ORIGIN_M).vector
     return wrench
 
 
-def _oscillation(drive: Array, period_s: float, damping_ratio: float) -> tuple[Array, Array]:
+def _oscillation(drive: FloatArray, period_s: float, damping_ratio: float) -> tuple[FloatArray, FloatArray]:
     """Return x and ẍ (n,) of ẍ + 2 ζ Ω₀ ẋ + Ω₀² x = `drive` (n,)."""
     W0, W = 2.0 * np.pi / period_s, 2.0 * np.pi * frequencies_hz(len(drive))
     H = 1.0 / (W0**2 - W**2 + 2j * damping_ratio * W0 * W)
@@ -220,9 +221,9 @@ def _oscillation(drive: Array, period_s: float, damping_ratio: float) -> tuple[A
     return x, shaped(drive[:, None], -(W**2) * H)[:, 0]
 
 
-def level_foot_wrench() -> Array:
+def level_foot_wrench() -> FloatArray:
     """Return the wrench (6,) that carries the foot, level and at rest."""
-    wrench: Array = Kinematics.at_rest(np.zeros((1, 3))).regressor[0] @ FOOT.seen_from(np.eye(3), _ORIGIN_M).vector
+    wrench: FloatArray = Kinematics.at_rest(np.zeros((1, 3))).regressor[0] @ FOOT.seen_from(np.eye(3), _ORIGIN_M).vector
     return wrench
 
 

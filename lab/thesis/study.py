@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array, Inertia, wrench_transform
+from impedance.body.rigid_body import Inertia, wrench_transform
 from impedance.recording.recording import PlatformRecording, TareSettings
 from impedance.thesis.descent import descended
 from impedance.thesis.estimator import (
@@ -17,6 +17,7 @@ from impedance.thesis.estimator import (
     mass_upright,
     plate_residual,
 )
+from messages.arrays import FloatArray
 from sim_rig.platform.rig import DURATION_S, FOOT, PLATE, THESIS_NOISE, Noise, Rig
 from sim_rig.platform.run import SPAN_NM, RunSettings, SimulatedRun, measured, simulate
 
@@ -115,11 +116,11 @@ def _minimum(residual: LinearResidual, mass_kg: float | None, truth: Inertia, tr
     return descended(residual, mass_kg, start, moments_bounded=bounded)
 
 
-def _upright_readings_n(noise: Noise | None, seed: int) -> Array:
+def _upright_readings_n(noise: Noise | None, seed: int) -> FloatArray:
     """Return a second of force readings (n, 3) of the tared plate turned upright."""
     force_n = ((_UPRIGHT.regressor[0] - _LEVEL.regressor[0]) @ PLATE.vector)[:3]
     deviation_n = 0.0 if noise is None else noise.force_n
-    readings: Array = force_n + deviation_n * np.random.default_rng(seed).standard_normal((_UPRIGHT_SAMPLES, 3))
+    readings: FloatArray = force_n + deviation_n * np.random.default_rng(seed).standard_normal((_UPRIGHT_SAMPLES, 3))
     return readings
 
 
@@ -130,7 +131,7 @@ def _read(recording: PlatformRecording, gains: tuple[float, ...]) -> PlatformRec
 def _tared_with(foot: Inertia, recording: PlatformRecording) -> PlatformRecording:
     """Return the recording as if the foot had stood on the plate at the tare."""
     X_PF = wrench_transform(np.eye(3), np.array(recording.settings.foot.origin_in_plate_m))
-    static: Array = X_PF @ _LEVEL.regressor[0] @ foot.vector
+    static: FloatArray = X_PF @ _LEVEL.regressor[0] @ foot.vector
     tare = TareSettings(with_foot=True, at_rest=True)
     return replace(
         recording,

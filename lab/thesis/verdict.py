@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
 from lab.thesis.causes import CAUSES
 from lab.thesis.hypotheses import (
     CELLS,
@@ -29,6 +28,7 @@ from lab.thesis.search import (
     random_pairs,
     with_third,
 )
+from messages.arrays import FloatArray
 
 ROUNDS = 3  # of simulating a hypothesis and moving its sizes
 _AGAIN = 3  # best hypotheses that are simulated with other torque steps and noise
@@ -62,8 +62,8 @@ class TablesVerdict:
     pairs: tuple[Candidate, ...]
     triples: tuple[Candidate, ...]
     random: tuple[Candidate, ...]
-    all_pairs: Array
-    flipped: Array
+    all_pairs: FloatArray
+    flipped: FloatArray
     again: tuple[Candidate, ...]
     causes: int
     seed: int

@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 
 from messages import Quaternion, Reason, Residual, Status, Vec3
+from messages.arrays import FloatArray
 from perception import so3, vec3
 from perception.attitude.kalman import AttitudeKalman
 from perception.attitude.rest import Rest
 from perception.attitude.state import AttitudeSettings, AttitudeState, Checkpoint, Levelling, Sample
-from perception.so3 import Array
 
 __all__ = ["AttitudeFilter", "AttitudeSettings", "AttitudeState"]
 
@@ -59,7 +59,7 @@ class AttitudeFilter:
         return so3.positive(self._state.q_WB)
 
     @property
-    def R_WB(self) -> Array:
+    def R_WB(self) -> FloatArray:
         """Return the attitude at the last sample, (3, 3); NaN before the start."""
         return so3.matrix_from_quaternion(self._state.q_WB)
 
@@ -81,7 +81,7 @@ class AttitudeFilter:
         return self._state.gyro_bias
 
     @property
-    def rotation_cov_W(self) -> Array:
+    def rotation_cov_W(self) -> FloatArray:
         """Return the covariance (3, 3), rad², of the small rotation in W between the estimate and the truth.
 
         The tilt is never claimed better than the calibration's residual of the accelerometer allows, whatever the

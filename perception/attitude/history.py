@@ -6,8 +6,8 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from messages import Quaternion, Vec3
+from messages.arrays import FloatArray
 from perception import so3, vec3
-from perception.so3 import Array
 
 
 class OutsideHistoryError(LookupError):
@@ -24,10 +24,10 @@ class AttitudeAt(NamedTuple):
     q_WB: Quaternion
     w_WB_B: Vec3
     bob_mps: float
-    rotation_cov_W: Array
+    rotation_cov_W: FloatArray
 
     @property
-    def R_WB(self) -> Array:
+    def R_WB(self) -> FloatArray:
         """Return the attitude as a matrix, (3, 3)."""
         return so3.matrix_from_quaternion(self.q_WB)
 

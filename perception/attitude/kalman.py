@@ -27,10 +27,10 @@ from dataclasses import replace
 import numpy as np
 
 from messages import Residual, Vec3
+from messages.arrays import FloatArray
 from perception import so3, vec3
 from perception.attitude.rest import Rest
 from perception.attitude.state import AttitudeSettings, AttitudeState, Sample, Step
-from perception.so3 import Array
 
 SIZE = 24
 ROTATION, GYRO_BIAS, VELOCITY, DRIFT, SF_BIAS, GYRO_MATRIX = (
@@ -125,7 +125,7 @@ class AttitudeKalman:
         """Return w of (1) in rad/s."""
         return vec3.minus(vec3.minus(w_measured, so3.transform(state.gyro_matrix, w_measured)), state.gyro_bias)
 
-    def rotation_cov_W(self, state: AttitudeState) -> Array:
+    def rotation_cov_W(self, state: AttitudeState) -> FloatArray:
         """Return the covariance (3, 3), rad², of θ, its tilt no less than the accelerometer's residual allows."""
         covariance = np.array(state.covariance[ROTATION, ROTATION])
         for axis in (0, 1):
@@ -280,7 +280,7 @@ class AttitudeKalman:
         return settings.swing_floor_mps_rts**2 + settings.swing_time_s * state.mean_square_swing
 
 
-def _fuse(state: AttitudeState, H: Array, innovation: Array, variance: Array) -> None:
+def _fuse(state: AttitudeState, H: FloatArray, innovation: FloatArray, variance: FloatArray) -> None:
     """Take a measurement H of the errors, with independent noise of `variance`, and correct the estimates."""
     P = state.covariance
     HP = H @ P

@@ -5,10 +5,11 @@ from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
 from messages import Quaternion, Reason, Vec3
+from messages.arrays import FloatArray
 from perception import so3, vec3
 from perception.attitude.habit import Habit, HabitSettings
 from perception.attitude.rest import Rest, RestSettings
-from perception.so3 import Array, Rows
+from perception.so3 import Rows
 
 _NAN_QUATERNION: Quaternion = (math.nan, math.nan, math.nan, math.nan)
 
@@ -125,7 +126,7 @@ class Levelling:
 class AttitudeState:
     """All that the filter remembers; `covariance` is (24, 24), of the errors θ, b, v, u, a and M."""
 
-    covariance: Array
+    covariance: FloatArray
     rest: Rest = field(default_factory=Rest)
     t_ns: int | None = None
     usual_step_s: float = 0.0

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from messages import Attitude, ImuSample, Reason, Status, UnitCalibration, Vec3, upper_triangle, vec3
+from messages.arrays import FloatArray
 from perception import so3
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings, AttitudeState
 from perception.attitude.history import AttitudeAt, AttitudeHistory, OutsideHistoryError
 from perception.attitude.imu_model import corrected
 from perception.attitude.state import Sample
-
-FloatArray = NDArray[np.float64]
 
 
 class AttitudeTrack:

@@ -4,13 +4,11 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from messages import DepthCalibration, Image
+from messages.arrays import FloatArray
 from perception.depth.disparity import DisparityPatch
 from perception.depth.rectify import Window, intrinsics, undistorted_rays
-
-FloatArray = NDArray[np.float64]
 
 
 class DepthCamera:

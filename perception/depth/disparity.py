@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages import Image
-
-FloatArray = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 
 class OutOfRangeError(Exception):

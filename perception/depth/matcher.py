@@ -4,12 +4,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from messages import GreyImage
+from messages.arrays import FloatImage, GreyImage
 from perception.depth.rectify import Rectifier, Window
-
-FloatImage = NDArray[np.float32]
 
 _SUBPIXEL = 16  # OpenCV's fixed-point disparity
 _WHITE = 254  # what interpolation leaves of 255

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from messages import GreyImage, Lens, StereoCalibration
-
-FloatArray = NDArray[np.float64]
+from messages import Lens, StereoCalibration
+from messages.arrays import Float32Array, FloatArray, GreyImage
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,7 @@ class Rectifier:
         self.right_maps = _maps(_reduced(K_R, divisor), stereo.right, R_CR, K_C, self.width_px, self.height_px)
         middle_row = (size[1] - 1) / 2
         raw_row = divisor * (self.left_maps[1] + 0.5) - 0.5
-        self.row_time_s: NDArray[np.float32] = ((raw_row - middle_row) * stereo.row_time_s).astype(np.float32)
+        self.row_time_s: Float32Array = ((raw_row - middle_row) * stereo.row_time_s).astype(np.float32)
         """(height_px, width_px): when each rectified left pixel was exposed, relative to mid-exposure."""
 
     def rays_C(self, window: Window) -> FloatArray:
@@ -133,7 +131,7 @@ def _reduce(image: GreyImage, divisor: int) -> GreyImage:
 
 def _maps(
     K_raw: FloatArray, lens: Lens, R_C_raw: FloatArray, K_C: FloatArray, width_px: int, height_px: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+) -> tuple[Float32Array, Float32Array]:
     return cv2.initUndistortRectifyMap(  # type: ignore[return-value]
         K_raw, np.array(lens.distortion), R_C_raw, K_C, (width_px, height_px), cv2.CV_32FC1
     )
@@ -141,7 +139,7 @@ def _maps(
 
 def _warp(
     image: GreyImage,
-    maps: tuple[NDArray[np.float32], NDArray[np.float32]],
+    maps: tuple[Float32Array, Float32Array],
     rows: slice,
     left: int,
     right: int,

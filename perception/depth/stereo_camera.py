@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from messages import GreyImage, Image, StereoCalibration
+from messages import Image, StereoCalibration
+from messages.arrays import FloatArray, GreyImage
 from perception.depth.disparity import DisparityPatch, OutOfRangeError
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window
-
-FloatArray = NDArray[np.float64]
 
 
 class StereoCamera:

@@ -1,15 +1,13 @@
 """A frame and the attitude at its mid-exposure to the published estimate of the ground ahead."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from messages import Frame, GroundPlane, Reason, Status, StereoFrame, UnitCalibration, Vec3, upper_triangle
+from messages.arrays import FloatArray
 from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeasurement, GroundMeter
 from perception.ground.plane import Plane
 from perception.ground.tracking import PlaneTracker, TrackingSettings
-
-FloatArray = NDArray[np.float64]
 
 
 class GroundEstimator:

@@ -4,11 +4,9 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from messages.arrays import BoolArray, FloatArray
 from perception.ground.plane import Plane
-
-FloatArray = NDArray[np.float64]
 
 
 class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,7 +35,7 @@ class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True):
         z = plane.gradient[0] * x + plane.gradient[1] * y - plane.height_m
         return np.vstack((np.stack((x, y, z - margin_m), axis=-1), np.stack((x, y, z + margin_m), axis=-1)))
 
-    def contains(self, points_H: FloatArray) -> NDArray[np.bool_]:
+    def contains(self, points_H: FloatArray) -> BoolArray:
         """Return, for points (..., 3) in H, which lie over the region."""
         return (np.abs(points_H[..., 0] - self.ahead_m) < self.half_length_m) & (
             np.abs(points_H[..., 1]) < self.half_width_m

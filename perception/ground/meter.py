@@ -4,17 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from messages import DepthCalibration, Image, Reason, Residual, StereoCalibration
+from messages.arrays import FloatArray
 from perception.depth.depth_camera import DepthCamera
 from perception.depth.disparity import DisparityCamera, OutOfRangeError
 from perception.depth.stereo_camera import StereoCamera
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane, PlaneFit, PlaneFitter
 from perception.ground.relief import relief_cov
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

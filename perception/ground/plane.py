@@ -11,9 +11,8 @@ linear in θ whatever the rotation of each ray, so the row times of a rolling sh
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,10 @@
 """What the foothold region holds besides one plane, as uncertainty of that plane under the foot."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from messages.arrays import BoolArray, FloatArray
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import PlaneFit
-
-FloatArray = NDArray[np.float64]
 
 
 def relief_cov(fit: PlaneFit, points_H: FloatArray, misfit_px: FloatArray, region: FootholdSettings) -> FloatArray:
@@ -22,7 +20,7 @@ def relief_cov(fit: PlaneFit, points_H: FloatArray, misfit_px: FloatArray, regio
     return cov
 
 
-def _step_variance_m2(rise_m: FloatArray, inlier: NDArray[np.bool_], weight: FloatArray) -> float:
+def _step_variance_m2(rise_m: FloatArray, inlier: BoolArray, weight: FloatArray) -> float:
     """Return s (1 − s) r²: with the share 1 − s, a second surface that rises by r (RMS) may be the one underfoot."""
     if inlier.all():
         return 0.0

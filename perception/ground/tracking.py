@@ -11,11 +11,9 @@ N(0, P − P'), and the track has it still.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from messages.arrays import FloatArray
 from perception.ground.plane import Plane, PlaneFit
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

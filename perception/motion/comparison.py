@@ -14,10 +14,9 @@ Neither (1) nor (2) asks the attitude filter, and (2) does not ask the gyroscope
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-FloatArray = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 
 @dataclass(frozen=True)

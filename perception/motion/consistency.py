@@ -10,16 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from messages import Calibration, Reason, Vec3
-from perception.motion.comparison import (
-    Felt,
-    FloatArray,
-    Seen,
-    integral,
-    interpolated,
-    lag_of,
-    rate_misfit,
-    velocity_misfit,
-)
+from messages.arrays import FloatArray
+from perception.motion.comparison import Felt, Seen, integral, interpolated, lag_of, rate_misfit, velocity_misfit
 from perception.motion.ego_motion import EgoMotion
 from perception.motion.turn_balance import Turn, TurnBalance
 

@@ -24,15 +24,12 @@ from typing import NamedTuple
 import cv2
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from messages import GreyImage, Lens, StereoCalibration
+from messages import Lens, StereoCalibration
+from messages.arrays import BoolArray, Float32Array, FloatArray, GreyImage
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window, intrinsics
 from perception.so3 import skew
-
-FloatArray = NDArray[np.float64]
-PointArray = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,7 @@ class _View:
 
     t_exposure_ns: int
     left: GreyImage
-    corners_px: PointArray
+    corners_px: Float32Array
     points_C: FloatArray
     row_time_s: FloatArray
 
@@ -206,7 +203,7 @@ class VisualOdometer:
         found[found < _LEAST_DISPARITY_PX / coarse.f_px] = np.nan
         return found
 
-    def _row_times_s(self, points_px: PointArray) -> FloatArray:
+    def _row_times_s(self, points_px: Float32Array) -> FloatArray:
         """Return when (N,) the rows of reduced pixels (N, 2) were exposed, relative to mid-exposure."""
         raw_row = self._divisor * (points_px[:, 1].astype(np.float64) + 0.5) - 0.5
         return (raw_row - self._middle_row) * self._row_time_s
@@ -295,12 +292,12 @@ class _Eye:
         self._turn_back = cv2.Rodrigues(R_C_raw.T)[0]
         self.f_px = float(self._K[0, 0])
 
-    def rays_C(self, points_px: PointArray) -> FloatArray:
+    def rays_C(self, points_px: Float32Array) -> FloatArray:
         """Return the rays (N, 3), z = 1, in C of pixels (N, 2)."""
         flat = cv2.undistortPoints(points_px[:, None], self._K, self._distortion, R=self._R_C_raw).reshape(-1, 2)
         return np.column_stack((flat.astype(np.float64), np.ones(len(flat))))
 
-    def pixels(self, points_C: FloatArray) -> PointArray:
+    def pixels(self, points_C: FloatArray) -> Float32Array:
         """Return the pixels (N, 2) that show points (N, 3) in C."""
         flat = cv2.projectPoints(points_C[:, None], self._turn_back, _ORIGIN, self._K, self._distortion)[0]
         return flat.reshape(-1, 2).astype(np.float32)
@@ -329,7 +326,7 @@ _WINDOW_PX = (11, 11)
 _STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 10, 0.03)
 
 
-def _corners(image: GreyImage, most: int, quality: float, spacing_px: float) -> PointArray:
+def _corners(image: GreyImage, most: int, quality: float, spacing_px: float) -> Float32Array:
     """Return the pixels (N, 2) of the best corners."""
     found = cv2.goodFeaturesToTrack(image, most, quality, spacing_px)
     # OpenCV returns None for none, against its own type hints
@@ -337,8 +334,8 @@ def _corners(image: GreyImage, most: int, quality: float, spacing_px: float) -> 
 
 
 def _tracked(
-    before: GreyImage, after: GreyImage, points_px: PointArray, guess_px: PointArray, levels: int
-) -> tuple[PointArray, NDArray[np.bool_]]:
+    before: GreyImage, after: GreyImage, points_px: Float32Array, guess_px: Float32Array, levels: int
+) -> tuple[Float32Array, BoolArray]:
     """Return where `points_px` (N, 2) of one picture are in another, and which of them were found there."""
     tracked_px, status, _ = cv2.calcOpticalFlowPyrLK(
         before,

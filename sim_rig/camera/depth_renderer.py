@@ -8,14 +8,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from messages import DepthImage
+from messages.arrays import BoolArray, DepthImage, FloatArray, FloatImage
 from sim_rig.camera.depth_unit import DEPTH_HEIGHT_PX, DEPTH_WIDTH_PX, DepthUnit
-from sim_rig.walk.gait import FloatArray, Gait
+from sim_rig.walk.gait import Gait
 from sim_rig.walk.world import Segment, World
-
-FloatImage = NDArray[np.float32]
 
 _REACH_M = 10.0
 _NEAREST_M = 0.05
@@ -113,7 +110,7 @@ class DepthRenderer:
     def _of_pixels(self, at_centre: FloatArray, per_x: FloatArray) -> FloatImage:
         return _column(per_x) * self._x + _column(at_centre)
 
-    def _spoil(self, disparity_px: FloatImage, rng: np.random.Generator) -> NDArray[np.bool_]:
+    def _spoil(self, disparity_px: FloatImage, rng: np.random.Generator) -> BoolArray:
         """Put the matching's errors into `disparity_px` and return (480, 848) where it still gives any."""
         errors = self._errors
         edge = _range_of_neighbours(disparity_px) > errors.edge_px
@@ -129,7 +126,7 @@ class DepthRenderer:
             np.multiply(np.rint(disparity_px / grain), grain, out=disparity_px)
         if errors.hole_share:
             known &= _drawn_from(self._patches, rng) >= self._hole_below
-        found: NDArray[np.bool_] = known & (disparity_px > 0)
+        found: BoolArray = known & (disparity_px > 0)
         return found
 
 
@@ -137,11 +134,11 @@ def _column(values: FloatArray) -> FloatImage:
     return values.astype(np.float32)[:, None]
 
 
-def _hidden_from_the_right(disparity_px: FloatImage) -> NDArray[np.bool_]:
+def _hidden_from_the_right(disparity_px: FloatImage) -> BoolArray:
     """Return where the right eye of the inner pair sees something nearer, or looks past its picture's border."""
     seen_at = np.arange(DEPTH_WIDTH_PX, dtype=np.float32) - disparity_px
     nearest = np.minimum.accumulate(seen_at[:, ::-1], axis=1)[:, ::-1]
-    hidden: NDArray[np.bool_] = (seen_at > nearest) | (seen_at < 0)
+    hidden: BoolArray = (seen_at > nearest) | (seen_at < 0)
     return hidden
 
 

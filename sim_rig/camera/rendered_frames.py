@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.protocols import DeviceError
-from messages import GreyImage
+from messages.arrays import GreyImage
 from sim_rig.camera.renderer import Renderer
 from sim_rig.camera.shutter import Shutter
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from messages import GreyImage, Lens
+from messages import Lens
+from messages.arrays import BoolArray, Float32Array, FloatArray, GreyImage, IntArray
 from perception.depth.rectify import undistorted_rays
 from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXEL_M, TILE, canvas
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
-from sim_rig.walk.gait import FloatArray, Gait, Motion
+from sim_rig.walk.gait import Gait, Motion
 from sim_rig.walk.world import Segment, World
 
 _CELL = 8
@@ -107,7 +107,7 @@ class _Eye:
         radius2 = (u[None] ** 2 + v[:, None] ** 2) / (WIDTH_PX / 2) ** 2
         self.shade: GreyImage = np.rint(255 * (1 - _VIGNETTING * radius2 / radius2.max())).astype(np.uint8)
 
-    def px_per_ray(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> FloatArray:
+    def px_per_ray(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Return (…, 2, 2): how far a pixel moves for a small change of its ray's x and y, at these nodes."""
         across = self.rays_E[rows, columns + 1] - self.rays_E[rows, columns - 1]
         down = self.rays_E[rows + 1, columns] - self.rays_E[rows - 1, columns]
@@ -228,14 +228,14 @@ def _node_pixels(cells: int) -> FloatArray:
     return np.arange(-1, cells + 1, dtype=np.float64) * _CELL + (_CELL - 1) / 2
 
 
-def _cells_touching(s_m: FloatArray, length_m: float) -> NDArray[np.bool_]:
+def _cells_touching(s_m: FloatArray, length_m: float) -> BoolArray:
     """Return (rows, columns) of cells: whether any s within the cell or its neighbours' nodes lies on the piece."""
     s32, kernel = s_m.astype(np.float32), np.ones((3, 3))
-    touching: NDArray[np.bool_] = (cv2.dilate(s32, kernel) > 0) & (cv2.erode(s32, kernel) < length_m)
+    touching: BoolArray = (cv2.dilate(s32, kernel) > 0) & (cv2.erode(s32, kernel) < length_m)
     return touching[1:-1, 1:-1]
 
 
-def _levels(position_m: FloatArray, top: int, bottom: int, column: int, texel_m: float) -> NDArray[np.int64]:
+def _levels(position_m: FloatArray, top: int, bottom: int, column: int, texel_m: float) -> IntArray:
     """Return (bottom − top,) the reduction at which a texel is about as large as a pixel, row of cells by row."""
     nodes = position_m[top : bottom + 2, column : column + 3]
     down = nodes[2:, 1] - nodes[:-2, 1]
@@ -270,7 +270,7 @@ def _paint(surface: GreyImage, C: FloatArray, S: FloatArray, W: FloatArray, pict
     )
 
 
-def _line_kernel(motion_px: FloatArray) -> NDArray[np.float32] | None:
+def _line_kernel(motion_px: FloatArray) -> Float32Array | None:
     """Return a box along `motion_px` (2,), centred, of sum 1; None where it is too short to matter."""
     length_px = float(np.hypot(*motion_px))
     if length_px < _LEAST_BLUR_PX:

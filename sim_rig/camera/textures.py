@@ -9,11 +9,10 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, gaussian_filter
 from skimage import data
 
-from messages import GreyImage
+from messages.arrays import BoolArray, FloatArray, GreyImage
 
 TEXEL_M = 0.002
 TILE = 1024
@@ -60,63 +59,63 @@ def _tile(texture: str) -> GreyImage:
     return np.clip(np.rint(surface), 0, 255).astype(np.uint8)
 
 
-def _photograph(name: str, mean: float) -> NDArray[np.float64]:
+def _photograph(name: str, mean: float) -> FloatArray:
     """Return skimage.data's photograph mirrored at its edges: it repeats without seams, and no mirror in mid-path."""
     image: GreyImage = getattr(data, name)()
     mirrored = np.block([[image, image[:, ::-1]], [image[::-1], image[::-1, ::-1]]]).astype(np.float64)
-    rolled: NDArray[np.float64] = np.roll(mirrored, TILE // 4, axis=1)
+    rolled: FloatArray = np.roll(mirrored, TILE // 4, axis=1)
     return rolled + (mean - float(rolled.mean()))
 
 
-def _noise(seed: int, roughness: float, stretch: tuple[float, float] = (1.0, 1.0)) -> NDArray[np.float64]:
+def _noise(seed: int, roughness: float, stretch: tuple[float, float] = (1.0, 1.0)) -> FloatArray:
     """Return periodic noise (TILE, TILE), mean 0 and deviation 1, whose amplitude falls as frequency^−roughness."""
     white = np.fft.rfft2(np.random.default_rng(seed).standard_normal((TILE, TILE)))
     fy, fx = np.fft.fftfreq(TILE)[:, None], np.fft.rfftfreq(TILE)[None]
     radius = np.hypot(fy * stretch[0], fx * stretch[1])
     radius[0, 0] = np.inf
-    noise: NDArray[np.float64] = np.fft.irfft2(white * np.maximum(radius, 1 / 256) ** -roughness)
+    noise: FloatArray = np.fft.irfft2(white * np.maximum(radius, 1 / 256) ** -roughness)
     noise /= noise.std()
     return noise
 
 
-def _smooth(surface: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    smooth: NDArray[np.float64] = gaussian_filter(surface, sigma, mode="wrap")
+def _smooth(surface: FloatArray, sigma: float) -> FloatArray:
+    smooth: FloatArray = gaussian_filter(surface, sigma, mode="wrap")
     return smooth
 
 
-def _joints(spacing: int, width: int) -> NDArray[np.bool_]:
+def _joints(spacing: int, width: int) -> BoolArray:
     """Return (TILE, 1) where joints lie across the walk: `width` texels of every `spacing`."""
     return np.arange(TILE)[:, None] % spacing < width
 
 
-def _concrete() -> NDArray[np.float64]:
+def _concrete() -> FloatArray:
     pores = _smooth((np.random.default_rng(11).random((TILE, TILE)) < 0.004).astype(np.float64), 1.2)
     return 150 + 7 * _noise(12, 1.0) + 6 * _noise(13, 0.3) - 170 * pores
 
 
-def _asphalt() -> NDArray[np.float64]:
+def _asphalt() -> FloatArray:
     stones = _smooth(np.random.default_rng(21).standard_normal((TILE, TILE)), 1.3)
     return 88 + 19 / float(stones.std()) * stones + 6 * _noise(22, 1.2)
 
 
-def _paving() -> NDArray[np.float64]:
+def _paving() -> FloatArray:
     slabs = 6 * np.random.default_rng(31).standard_normal((4, 4)).repeat(TILE // 4, 0).repeat(TILE // 4, 1)
     surface = 158 + slabs + 6 * _noise(32, 1.1) + 5 * _noise(33, 0.2)
     joints = _joints(TILE // 4, 4) | _joints(TILE // 4, 4).T
     return np.where(joints, 92 + 8 * _noise(34, 0.2), surface)
 
 
-def _wood() -> NDArray[np.float64]:
+def _wood() -> FloatArray:
     boards = 9 * np.random.default_rng(41).standard_normal(16).repeat(TILE // 16)[:, None]
     grain = 11 * _noise(42, 0.9, (0.15, 1.8)) + 5 * _noise(43, 0.4, (0.3, 1.5)) + 5 * _noise(44, 0.2)
     return np.where(_joints(TILE // 16, 2), 55.0, 126 + boards + grain)
 
 
-def _kerbstone() -> NDArray[np.float64]:
+def _kerbstone() -> FloatArray:
     return 112 + 8 * _noise(51, 0.9) + 10 * _noise(52, 0.25)
 
 
-TEXTURES: dict[str, Callable[[], NDArray[np.float64]]] = {
+TEXTURES: dict[str, Callable[[], FloatArray]] = {
     "brick": lambda: _photograph("brick", 110.0),
     "grass": lambda: _photograph("grass", 118.0),
     "gravel": lambda: _photograph("gravel", 126.0),

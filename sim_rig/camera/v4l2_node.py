@@ -16,7 +16,7 @@ import numpy as np
 from drivers.camera import uvc_abi as uvc
 from drivers.camera import v4l2_abi as v4l2
 from drivers.camera.v4l2_device import IoctlArgument
-from messages import DepthImage, GreyImage
+from messages.arrays import DepthImage, GreyImage
 from sim_rig.camera.v4l2_buffers import Buffers, Slot, check, os_error
 from sim_rig.camera.v4l2_pixels import PIXEL_BYTES, write_pixels
 from sim_rig.camera.zed_unit import ZedUnit

@@ -7,9 +7,9 @@ Source: InvenSense MPU-6000/MPU-6050 Product Specification, tables 6.1 (gyroscop
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.imu.self_test import TrimCodes
+from messages.arrays import FloatArray
 
 _STANDARD_GRAVITY_MPS2 = 9.80665
 
@@ -25,19 +25,19 @@ _DIE_TEMPERATURE_DEGC = (25.0, 40.0)
 _TYPICAL_TRIM = TrimCodes(accel=(17, 15, 19), gyro=(13, 11, 14))
 
 
-def _zero_vector() -> NDArray[np.float64]:
+def _zero_vector() -> FloatArray:
     return np.zeros(3)
 
 
-def _identity() -> NDArray[np.float64]:
+def _identity() -> FloatArray:
     return np.eye(3)
 
 
-def _zero_matrix() -> NDArray[np.float64]:
+def _zero_matrix() -> FloatArray:
     return np.zeros((3, 3))
 
 
-def _whole() -> NDArray[np.float64]:
+def _whole() -> FloatArray:
     return np.ones(6)
 
 
@@ -54,26 +54,26 @@ class ChipUnit:
     accelerometer first, how much of the factory's response is left: 0 is an axis that no longer moves.
     """
 
-    sf_matrix: NDArray[np.float64] = field(default_factory=_identity)
-    sf_bias_mps2: NDArray[np.float64] = field(default_factory=_zero_vector)
-    w_matrix: NDArray[np.float64] = field(default_factory=_identity)
-    w_bias_radps: NDArray[np.float64] = field(default_factory=_zero_vector)
-    g_sensitivity: NDArray[np.float64] = field(default_factory=_zero_matrix)
+    sf_matrix: FloatArray = field(default_factory=_identity)
+    sf_bias_mps2: FloatArray = field(default_factory=_zero_vector)
+    w_matrix: FloatArray = field(default_factory=_identity)
+    w_bias_radps: FloatArray = field(default_factory=_zero_vector)
+    g_sensitivity: FloatArray = field(default_factory=_zero_matrix)
     sf_noise_density: float = 0.0
     w_noise_density: float = 0.0
     clock_error: float = 0.0
     temperature_degC: float = 30.0
     trim_codes: TrimCodes = _TYPICAL_TRIM
-    push_share: NDArray[np.float64] = field(default_factory=_whole)
+    push_share: FloatArray = field(default_factory=_whole)
 
 
 def draw_chip_unit(rng: np.random.Generator) -> ChipUnit:
     """Return a unit drawn from `rng`; 1 σ is a third of the datasheet's limit, and the limit is never passed."""
 
-    def within(limit: float | NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    def within(limit: float | FloatArray, shape: tuple[int, ...]) -> FloatArray:
         return np.clip(rng.normal(0.0, 1.0 / 3.0, shape), -1.0, 1.0) * limit
 
-    def sensitivity() -> NDArray[np.float64]:
+    def sensitivity() -> FloatArray:
         off_diagonal = within(CROSS_AXIS_LIMIT, (3, 3)) * (1.0 - np.eye(3))
         return np.eye(3) + np.diag(within(SCALE_LIMIT, (3,))) + off_diagonal
 

@@ -26,6 +26,7 @@ from drivers.imu.registers import (
     UserControl,
 )
 from drivers.imu.self_test import factory_trim_lsb, ranges_under_test
+from messages.arrays import BoolArray, FloatArray
 from sim_rig.imu.chip_unit import ChipUnit
 from sim_rig.imu.mpu6050_signal import Motion, SignalChain, SignalSettings
 
@@ -233,7 +234,7 @@ class Mpu6050Chip:
         self._chain = SignalChain(self._motion, self._unit, settings, self._clock(), clock_error, self._rng)
         self._chain.change_clock(self._clock_factor, completed=0)
 
-    def _pushes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _pushes(self) -> tuple[FloatArray, FloatArray]:
         """Return the self-test's push (3,) on the accelerometer, in m/s², and (3,) on the gyroscope, in rad/s."""
         accel_range, gyro_range = ranges_under_test(self._model)
         response_lsb = np.array(factory_trim_lsb(self._model, self._unit.trim_codes)) * self._unit.push_share
@@ -292,6 +293,6 @@ class Mpu6050Chip:
         self._interrupts |= Interrupt.DATA_READY
 
 
-def _bits(value: int, highest: int, count: int) -> NDArray[np.bool_]:
+def _bits(value: int, highest: int, count: int) -> BoolArray:
     """Return `count` bits from bit `highest` downwards."""
     return np.array([value >> (highest - place) & 1 for place in range(count)], dtype=np.bool_)

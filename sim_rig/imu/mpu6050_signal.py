@@ -9,10 +9,10 @@ from scipy.signal import bilinear, lfilter, lfilter_zi
 
 from drivers.imu.chips import ChipModel, FilterRow
 from drivers.imu.registers import INTERNAL_RATE_HZ, STANDARD_GRAVITY_MPS2, RangeRow
+from messages.arrays import BoolArray, FloatArray, IntArray
 from sim_rig.imu.chip_unit import ChipUnit
 
-Floats = NDArray[np.float64]
-Motion = Callable[[NDArray[np.int64]], tuple[Floats, Floats]]
+Motion = Callable[[IntArray], tuple[FloatArray, FloatArray]]
 """`motion(t_ns)` gives the true sf_B (n, 3) in m/s² and w_WB_B (n, 3) in rad/s at the CLOCK_MONOTONIC times (n,).
 
 It must depend on the time alone: it is asked in blocks, up to LOOK_AHEAD_S before the chip's samples come due.
@@ -23,7 +23,7 @@ _COUNT_LIMITS = (-32768, 32767)
 _AXIS_COLUMNS = np.array([0, 1, 2, 4, 5, 6])
 
 
-def low_pass(bandwidth_hz: float, delay_s: float, rate_hz: float) -> tuple[Floats, Floats]:
+def low_pass(bandwidth_hz: float, delay_s: float, rate_hz: float) -> tuple[FloatArray, FloatArray]:
     """Return (b, a) of a digital low-pass with exactly this −3 dB frequency and this group delay at DC.
 
     Its prototype is a double pole with one zero, H(s) = (1 + c·s)/(1 + p·s)², because a pair of poles alone cannot
@@ -42,11 +42,11 @@ def low_pass(bandwidth_hz: float, delay_s: float, rate_hz: float) -> tuple[Float
 class _Filter:
     """One low-pass over three axes that carries its state from block to block, at rest on its first input."""
 
-    def __init__(self, b: Floats, a: Floats) -> None:
+    def __init__(self, b: FloatArray, a: FloatArray) -> None:
         self._b, self._a = b, a
-        self._state: Floats | None = None
+        self._state: FloatArray | None = None
 
-    def __call__(self, x: Floats) -> Floats:
+    def __call__(self, x: FloatArray) -> FloatArray:
         if self._state is None:
             self._state = np.outer(lfilter_zi(self._b, self._a), x[0])
         y, self._state = lfilter(self._b, self._a, x, axis=0, zi=self._state)
@@ -71,9 +71,9 @@ class SignalSettings:
     accel_range: RangeRow
     gyro_range: RangeRow
     divider: int
-    push_sf_mps2: NDArray[np.float64]
-    push_w_radps: NDArray[np.float64]
-    standby: NDArray[np.bool_]
+    push_sf_mps2: FloatArray
+    push_w_radps: FloatArray
+    standby: BoolArray
 
 
 class SignalChain:
@@ -112,7 +112,7 @@ class SignalChain:
         )
         self._samples = 0
         self._ready = np.empty((0, 7), dtype=np.int16)
-        self._held_sf: Floats | None = None
+        self._held_sf: FloatArray | None = None
 
     @property
     def period_ns(self) -> float:
@@ -123,9 +123,9 @@ class SignalChain:
         """Return how many samples are complete at `t_ns`."""
         return int((t_ns - self._epoch_ns) / self.period_ns)
 
-    def sample_times_ns(self, first: int, last: int) -> NDArray[np.int64]:
+    def sample_times_ns(self, first: int, last: int) -> IntArray:
         """Return the instants (n,) at which the samples `first` to `last` are complete."""
-        since_epoch: NDArray[np.int64] = np.rint(np.arange(first, last + 1) * self.period_ns).astype(np.int64)
+        since_epoch: IntArray = np.rint(np.arange(first, last + 1) * self.period_ns).astype(np.int64)
         return self._epoch_ns + since_epoch
 
     def change_clock(self, factor: float, completed: int) -> None:
@@ -173,12 +173,12 @@ class SignalChain:
         counts[:, _AXIS_COLUMNS[self._settings.standby]] = 0.0
         return np.clip(np.rint(counts), *_COUNT_LIMITS).astype(np.int16)
 
-    def _hold(self, sf: Floats, ticks: NDArray[np.int64]) -> Floats:
+    def _hold(self, sf: FloatArray, ticks: IntArray) -> FloatArray:
         """Repeat the accelerometer's values (n, 3) between its own, slower instants."""
         if self._accel_hold == 1:
             return sf
         before = sf[:1] if self._held_sf is None else self._held_sf
         source = np.maximum(ticks // self._accel_hold * self._accel_hold - ticks[0], -1)
-        held: Floats = np.concatenate((before, sf))[source + 1]
+        held: FloatArray = np.concatenate((before, sf))[source + 1]
         self._held_sf = held[-1:]
         return held

@@ -8,7 +8,8 @@ import os
 import numpy as np
 
 from drivers.camera import v4l2_abi as v4l2
-from messages import GreyImage, UserError
+from messages import UserError
+from messages.arrays import GreyImage
 
 _V4L2_BUF_TYPE_VIDEO_OUTPUT = 2
 _GREY_CHROMA = 128 << 8  # the high byte of a YUYV pixel, U or V

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from impedance.ankle.table import AnkleTable, AxisTable
@@ -25,10 +24,9 @@ from impedance.ankle.trial import (
     Subject,
     TrialSettings,
 )
+from messages.arrays import BoolArray, FloatArray, IntArray
 from sim_rig.platform.ankle_person import Person
 from sim_rig.platform.rig import MOTION_HZ, PLATE, THESIS_NOISE
-
-FloatArray = NDArray[np.float64]
 
 FLAT_FOOT: Final = (0.10, 0.80)
 _OVERSAMPLING = 4
@@ -76,7 +74,7 @@ class AnkleRun:
 
     person: Person
     settings: TrialSettings
-    cycle: NDArray[np.int64]
+    cycle: IntArray
     t_s: FloatArray
     stance: FloatArray
     plate_rad: FloatArray
@@ -89,15 +87,15 @@ class AnkleRun:
     acceleration: FloatArray
     intrinsic_nm: FloatArray
     foot_about_ankle_kgm2: FloatArray
-    flat: NDArray[np.bool_]
+    flat: BoolArray
 
     @property
-    def perturbed(self) -> NDArray[np.bool_]:
+    def perturbed(self) -> BoolArray:
         """Return (n,) where the flat foot is perturbed; of a ramp from its onset to before the reflex."""
         moved = np.array([kind is not Perturbation.NONE for kind in self.perturbation])[self.cycle]
         after_s = self.t_s - self.onset_s[self.cycle]
-        felt: NDArray[np.bool_] = np.isnan(after_s) | ((after_s >= 0.0) & (after_s < _REFLEX_DELAY_S))
-        perturbed: NDArray[np.bool_] = self.flat & moved & felt
+        felt: BoolArray = np.isnan(after_s) | ((after_s >= 0.0) & (after_s < _REFLEX_DELAY_S))
+        perturbed: BoolArray = self.flat & moved & felt
         return perturbed
 
 

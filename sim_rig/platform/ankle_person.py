@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-FloatArray = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 _SHARE: Final = np.array([0.0, 0.1, 0.2, 0.35, 0.5, 0.65, 0.75, 0.85, 1.0])
 _STIFFNESS_PER_KG: Final = np.array([1.3, 1.5, 1.9, 3.0, 4.3, 5.8, 6.5, 6.1, 3.5])

@@ -5,7 +5,8 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
+from messages.arrays import FloatArray
 from sim_rig.platform.rig import Rig
 
 SENSORS: Final = {
@@ -101,6 +102,6 @@ def inertial(body: Inertia) -> str:
     return f'<inertial mass="{float(body.mass_kg)!r}" pos="{numbers(body.cog_m)}" fullinertia="{numbers(full)}"/>'
 
 
-def numbers(values: Array | tuple[float, ...]) -> str:
+def numbers(values: FloatArray | tuple[float, ...]) -> str:
     """Return numbers as MJCF writes them, to the last bit."""
     return " ".join(repr(float(value)) for value in values)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from impedance.body import geometry
-from impedance.body.rigid_body import Array
+from messages.arrays import FloatArray
 from messages.errors import UserError
 from sim_rig.platform.run import SimulatedRun
 
@@ -81,7 +81,9 @@ def _draw_pose(axes: "Axes3D", run: SimulatedRun, k: int) -> None:
     axes.set_title(f"t = {run.t_s[k]:.2f} s, {turned} (drawn {EXAGGERATED:g} times as large)")
 
 
-def _draw_box(axes: "Axes3D", R: Array, centre: Array, size_m: tuple[float, float, float], colour: str) -> None:
+def _draw_box(
+    axes: "Axes3D", R: FloatArray, centre: FloatArray, size_m: tuple[float, float, float], colour: str
+) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     signs = np.array([(-1, -1), (-1, 1), (1, 1), (1, -1)]) * 0.5
@@ -93,13 +95,13 @@ def _draw_box(axes: "Axes3D", R: Array, centre: Array, size_m: tuple[float, floa
     axes.add_collection3d(Poly3DCollection(sides, facecolor=colour, edgecolor="0.2", linewidth=0.6, alpha=0.45))
 
 
-def _draw_axes(axes: "Axes3D", R: Array, origin: Array, name: str) -> None:
+def _draw_axes(axes: "Axes3D", R: FloatArray, origin: FloatArray, name: str) -> None:
     for axis, colour in enumerate(("tab:red", "tab:green", "tab:purple")):
         line = _drawn(np.stack((origin, origin + _AXIS_M * R[:, axis])))
         axes.plot(*line.T, color=colour, linewidth=1.8)
         axes.text(*line[1], f"{'XYZ'[axis]}_{name}", fontsize=8)
 
 
-def _drawn(points: Array) -> Array:
+def _drawn(points: FloatArray) -> FloatArray:
     """Return points of I (n, 3), Y up, in the plot's order: x, z, up."""
     return points[:, [0, 2, 1]]

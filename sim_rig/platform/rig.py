@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
+from messages.arrays import FloatArray
 
 MOTION_HZ: Final = 350.0
 DURATION_S: Final = 60.0
@@ -66,6 +67,6 @@ class Rig:
         return self.plate.joined(self.foot.seen_from(np.eye(3), np.array(self.foot_origin_m)))
 
     @property
-    def lever_m(self) -> Array:
+    def lever_m(self) -> FloatArray:
         """Return P's origin from the joint (3,), in P."""
         return np.array([0.0, self.joint_to_surface_m, 0.0])

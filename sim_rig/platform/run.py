@@ -15,7 +15,7 @@ from scipy.signal import firwin, upfirdn
 
 from impedance.body import geometry
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
 from impedance.recording.recording import (
     FootSettings,
     NoiseSettings,
@@ -27,6 +27,7 @@ from impedance.recording.recording import (
     TareSettings,
     Truth,
 )
+from messages.arrays import FloatArray
 from sim_rig.platform import rig as laboratory
 from sim_rig.platform.excitation import Excitation, random_steps
 from sim_rig.platform.model import SENSORS, model_of
@@ -66,11 +67,11 @@ class SimulatedRun:
 
     settings: RunSettings
     seed: int
-    t_s: Array
-    angles_rad: Array
+    t_s: FloatArray
+    angles_rad: FloatArray
     plate: Poses
     foot: Poses | None
-    wrench: Array
+    wrench: FloatArray
     kinematics: Kinematics
 
     @property
@@ -93,7 +94,7 @@ def simulate(settings: RunSettings, seed: int) -> SimulatedRun:
     angles = sensors[:, SENSORS["angles"]]
     p_m, euler_rad = geometry.joint_pose(angles[:, 0], angles[:, 1], rig.joint_to_surface_m)
     R_IP = geometry.rotation_IP(*euler_rad.T)
-    alpha: Array = (sensors[:, None, SENSORS["alpha_I"]] @ R_IP)[:, 0]
+    alpha: FloatArray = (sensors[:, None, SENSORS["alpha_I"]] @ R_IP)[:, 0]
     g_P = geometry.GRAVITY_I_MPS2 @ R_IP
     channels = [p_m, euler_rad, sensors[:, SENSORS["wrench"]], sensors[:, SENSORS["specific_force"]] + g_P]
     channels += [sensors[:, SENSORS["w"]], alpha, g_P]
@@ -160,27 +161,27 @@ def measured(
     )
 
 
-def bare_plate_tare(rig: Rig) -> Array:
+def bare_plate_tare(rig: Rig) -> FloatArray:
     """Return the wrench (6,) of the bare plate at rest and level: what the tare takes away."""
-    tare: Array = Kinematics.at_rest(np.zeros((1, 3))).regressor[0] @ rig.plate.vector
+    tare: FloatArray = Kinematics.at_rest(np.zeros((1, 3))).regressor[0] @ rig.plate.vector
     return tare
 
 
-def _rolled_out(model: mujoco.MjModel, torque_nm: Array) -> Array:
+def _rolled_out(model: mujoco.MjModel, torque_nm: FloatArray) -> FloatArray:
     """Return the sensor data (n, 19) before each step, from rest, under the torques (n, 2) that hold during it."""
     data = mujoco.MjData(model)
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     start = np.empty(size)
     mujoco.mj_getState(model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     _, sensors = rollout.rollout(model, data, start, torque_nm[None])
-    found: Array = sensors[0]
+    found: FloatArray = sensors[0]
     return found
 
 
-def _sampled(fine: Array, raw: bool) -> Array:
+def _sampled(fine: FloatArray, raw: bool) -> FloatArray:
     """Return every tenth of the samples (n, c), the anti-alias filter's half width on; unfiltered if `raw`."""
     if raw:
         return fine[_ANTI_ALIAS_TAPS // 2 :: OVERSAMPLING]
     taps = firwin(_ANTI_ALIAS_TAPS, _ANTI_ALIAS_HZ, window=("kaiser", 8.0), fs=1.0 / STEP_S)
-    kept: Array = upfirdn(taps, fine, down=OVERSAMPLING, axis=0)[_ANTI_ALIAS_TAPS // OVERSAMPLING :]
+    kept: FloatArray = upfirdn(taps, fine, down=OVERSAMPLING, axis=0)[_ANTI_ALIAS_TAPS // OVERSAMPLING :]
     return kept

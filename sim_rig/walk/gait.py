@@ -17,15 +17,12 @@ device by 45° and a few degrees of the belt's own tilt. The six coordinates are
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly, make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
+from messages.arrays import BoolArray, FloatArray, IntArray
 from sim_rig.walk.world import World
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 GRAVITY_W_MPS2 = np.array([0.0, 0.0, -9.80665])
 CAMERA_PITCH_RAD = np.deg2rad(45.0)
@@ -98,7 +95,7 @@ class Motion:
     a_WB_mps2: FloatArray
     R_WB: FloatArray
     w_WB_B_radps: FloatArray
-    standing: NDArray[np.bool_]
+    standing: BoolArray
 
     @property
     def sf_B_mps2(self) -> FloatArray:

@@ -4,15 +4,13 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from messages import GroundTruth, Pose, StereoCalibration
+from messages.arrays import FloatArray
 from perception.depth.rectify import intrinsics
 from sim_rig.walk.gait import Gait
 from sim_rig.walk.world import World
-
-FloatArray = NDArray[np.float64]
 
 
 class TruthSource:

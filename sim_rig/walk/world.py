@@ -11,9 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 _COPLANAR_RAD = 1e-6
 _MAX_PIECE_M = 4.0

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discrepancy.simulation import Effect, Parameter, Values
+from messages.arrays import FloatArray
 from systems.imu.motion import Reading
 from systems.imu.recording import STANDARD_GRAVITY_MPS2
-
-Array = NDArray[np.float64]
 
 AXES: Final = ("x", "y", "z")
 _PAIRS: Final = tuple(a + b for a in AXES for b in AXES if a != b)
@@ -264,7 +262,7 @@ def _axes(form: str) -> tuple[tuple[str, ...], ...]:
     return (*((name,) for name in every), every)
 
 
-def _lag_s(late: Array, early: Array, rate_hz: float) -> float:
+def _lag_s(late: FloatArray, early: FloatArray, rate_hz: float) -> float:
     """Return by how much `late` (n,) is best delayed against `early` (n,), up to half a second, by correlation."""
     most = round(_SEARCHED_S * rate_hz)
     length = len(late) + most

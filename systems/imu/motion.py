@@ -15,17 +15,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.ndimage import binary_dilation
 from scipy.signal import firwin, upfirdn
 
+from messages.arrays import BoolArray, FloatArray
 from messages.errors import UserError
 from systems.imu.recording import LEAST_S, STANDARD_GRAVITY_MPS2, ImuRecording
 from systems.imu.smoothing import SETTLED_S, smoothing
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _DEGREE: Final = 7
 _BEYOND: Final = 16
@@ -57,32 +54,32 @@ class Reading:
     low pass at the IMU's rate.
     """
 
-    t_s: Array
-    measured: Array
-    ideal: Array
-    w: Array
-    free: Array
-    up: Array
-    lever: Array
-    inputs: Array
-    temperature_degC: Array | None
+    t_s: FloatArray
+    measured: FloatArray
+    ideal: FloatArray
+    w: FloatArray
+    free: FloatArray
+    up: FloatArray
+    lever: FloatArray
+    inputs: FloatArray
+    temperature_degC: FloatArray | None
     start_s: float
     most: tuple[float, float]
     pinned: tuple[bool, bool]
     band_hz: float
     fold: int
-    taps: Array
+    taps: FloatArray
 
-    def low_passed(self, fine: Array) -> Array:
+    def low_passed(self, fine: FloatArray) -> FloatArray:
         """Return (n, c) of what stands at the IMU's rate, `fold` n samples."""
         return _low_passed(fine, self.taps, self.fold)[: len(self.t_s)]
 
-    def fine(self, values: Array) -> Array:
+    def fine(self, values: FloatArray) -> FloatArray:
         """Return `values` (n, c) at the IMU's rate, `fold` n samples."""
         if self.fold == 1:
             return values
         half = len(self.taps) // 2
-        raised: Array = upfirdn(self.fold * self.taps, _padded(values, _HALF_WIDTH), up=self.fold, axis=0)
+        raised: FloatArray = upfirdn(self.fold * self.taps, _padded(values, _HALF_WIDTH), up=self.fold, axis=0)
         first = half + _HALF_WIDTH * self.fold
         return raised[first : first + self.fold * len(values)]
 
@@ -139,38 +136,38 @@ def reading_of(recording: ImuRecording) -> Reading:
     )
 
 
-def _step_s(t_s: Array) -> float:
+def _step_s(t_s: FloatArray) -> float:
     """Return the period of the grid that stamps with gaps lie on."""
     median_s = float(np.median(np.diff(t_s)))
     return float((t_s[-1] - t_s[0]) / np.maximum(np.rint(np.diff(t_s) / median_s), 1.0).sum())
 
 
-def _grid_s(recording: ImuRecording, step_s: float) -> Array:
+def _grid_s(recording: ImuRecording, step_s: float) -> FloatArray:
     """Return the IMU's uniform stamps within the reference's time."""
     first_s, last_s = (
         choose(recording.t_s[k], recording.reference_t_s[k]) - recording.t_s[0] for choose, k in ((max, 0), (min, -1))
     )
     first, last = int(np.ceil(first_s / step_s - 1e-6)), int(np.floor(last_s / step_s + 1e-6))
-    grid_s: Array = recording.t_s[0] + step_s * np.arange(first, last + 1)
+    grid_s: FloatArray = recording.t_s[0] + step_s * np.arange(first, last + 1)
     return grid_s
 
 
-def _on_grid(t_s: Array, values: Array, grid_s: Array, step_s: float) -> Array:
+def _on_grid(t_s: FloatArray, values: FloatArray, grid_s: FloatArray, step_s: float) -> FloatArray:
     """Return samples (k, c) on the grid: as they are where the stamps lie on it, else by a cubic through them."""
     near = np.searchsorted(t_s, grid_s - 0.5 * step_s).clip(0, len(t_s) - 1)
     if np.abs(t_s[near] - grid_s).max() < _REGULAR * step_s:
         return np.asarray(values[near])
-    found: Array = _spline(t_s, values, 3)(grid_s)
+    found: FloatArray = _spline(t_s, values, 3)(grid_s)
     return found
 
 
-def _is_pinned(values: Array) -> bool:
+def _is_pinned(values: FloatArray) -> bool:
     """Return whether more readings than chance allows share the greatest magnitude."""
     size = np.abs(values)
     return int((size > size.max() * (1.0 - 1e-6)).sum()) >= _PINNED
 
 
-def _turning(recording: ImuRecording, grid_s: Array) -> tuple[Array, Array, Mask, Array]:
+def _turning(recording: ImuRecording, grid_s: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray]:
     """Return (1), its derivative (n, 3), where the cameras saw it, and R_WS (n, 3, 3)."""
     seen = np.asarray(np.isfinite(recording.q_WS).all(axis=1))
     q = recording.q_WS[seen]
@@ -183,15 +180,15 @@ def _turning(recording: ImuRecording, grid_s: Array) -> tuple[Array, Array, Mask
     return w, alpha, _there(recording.reference_t_s, seen, grid_s), _matrices(q / np.sqrt(square))
 
 
-def _moving(recording: ImuRecording, grid_s: Array) -> tuple[Array, Mask]:
+def _moving(recording: ImuRecording, grid_s: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return p̈ (n, 3) and where the cameras saw it."""
     seen = np.asarray(np.isfinite(recording.p_W_m).all(axis=1))
     spline = _spline(recording.reference_t_s[seen], recording.p_W_m[seen], _DEGREE)
-    found: Array = spline(grid_s, 2)
+    found: FloatArray = spline(grid_s, 2)
     return found, _there(recording.reference_t_s, seen, grid_s)
 
 
-def _spline(t_s: Array, values: Array, degree: int) -> BSpline:
+def _spline(t_s: FloatArray, values: FloatArray, degree: int) -> BSpline:
     """Return the interpolating spline.
 
     It swings at gaps and ends: gaps are bridged by a straight line, and both ends go on as their own reflections.
@@ -210,57 +207,57 @@ def _spline(t_s: Array, values: Array, degree: int) -> BSpline:
     return make_interp_spline(np.concatenate(times), np.concatenate(points), k=degree)
 
 
-def _there(t_s: Array, seen: Mask, grid_s: Array) -> Mask:
+def _there(t_s: FloatArray, seen: BoolArray, grid_s: FloatArray) -> BoolArray:
     """Return whether each time of the grid lies between two samples without a gap."""
     times = t_s[seen]
     after = np.searchsorted(times, grid_s).clip(1, len(times) - 1)
     whole = times[after] - times[after - 1] < _GAP * float(np.median(np.diff(t_s)))
-    there: Mask = whole & (grid_s >= times[0]) & (grid_s <= times[-1])
+    there: BoolArray = whole & (grid_s >= times[0]) & (grid_s <= times[-1])
     return there
 
 
-def _filled(values: Array, lost: Mask, coarse: Array, dense: int) -> Array:
+def _filled(values: FloatArray, lost: BoolArray, coarse: FloatArray, dense: int) -> FloatArray:
     """Return `values` (n, 3) with what is lost (n,) on lines through every `dense`-th value, `coarse`.
 
     Where the cameras lost the motion the sensor itself tells it best: a bridge's error would ring on beyond the gap.
     """
     at = np.flatnonzero(lost)
-    whole: Array = values.copy()
+    whole: FloatArray = values.copy()
     whole[at] = np.column_stack([np.interp(at / dense, np.arange(len(coarse)), column) for column in coarse.T])
     return whole
 
 
-def _low_pass_taps(fold: int) -> Array:
-    taps: Array = firwin(2 * _HALF_WIDTH * fold + 1, _CUT_OFF / fold, window=("kaiser", _KAISER_BETA))
+def _low_pass_taps(fold: int) -> FloatArray:
+    taps: FloatArray = firwin(2 * _HALF_WIDTH * fold + 1, _CUT_OFF / fold, window=("kaiser", _KAISER_BETA))
     return taps
 
 
-def _low_passed(fine: Array, taps: Array, fold: int) -> Array:
+def _low_passed(fine: FloatArray, taps: FloatArray, fold: int) -> FloatArray:
     """Return every `fold`-th sample of (n, c) behind the low pass, without delay."""
     if fold == 1:
         return fine
-    kept: Array = upfirdn(taps, _padded(fine, len(taps) // 2), down=fold, axis=0)
+    kept: FloatArray = upfirdn(taps, _padded(fine, len(taps) // 2), down=fold, axis=0)
     first = (len(taps) - 1) // fold
     return kept[first : first - (-len(fine) // fold)]
 
 
-def _padded(values: Array, count: int) -> Array:
+def _padded(values: FloatArray, count: int) -> FloatArray:
     """Return the values with the first and the last repeated `count` times."""
     return np.pad(values, ((count, count), (0, 0)), mode="edge")
 
 
-def _dilated(flags: Mask, by: int) -> Mask:
-    wide: Mask = binary_dilation(flags, np.ones((2 * by + 1, 1), dtype=bool))
+def _dilated(flags: BoolArray, by: int) -> BoolArray:
+    wide: BoolArray = binary_dilation(flags, np.ones((2 * by + 1, 1), dtype=bool))
     return wide
 
 
-def _vec_of_product(q: Array, dq: Array) -> Array:
+def _vec_of_product(q: FloatArray, dq: FloatArray) -> FloatArray:
     """Return the vector part (n, 3) of q* ⊗ dq."""
-    vec: Array = q[:, :1] * dq[:, 1:] - dq[:, :1] * q[:, 1:] - np.cross(q[:, 1:], dq[:, 1:])
+    vec: FloatArray = q[:, :1] * dq[:, 1:] - dq[:, :1] * q[:, 1:] - np.cross(q[:, 1:], dq[:, 1:])
     return vec
 
 
-def _matrices(q: Array) -> Array:
+def _matrices(q: FloatArray) -> FloatArray:
     w, x, y, z = q.T
     rows = (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
@@ -270,7 +267,7 @@ def _matrices(q: Array) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def _skew(v: Array) -> Array:
+def _skew(v: FloatArray) -> FloatArray:
     """Return [v]× (n, 3, 3) of vectors (n, 3)."""
     x, y, z = v.T
     zero = np.zeros_like(x)

@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impedance.recording.table import read_columns, write_columns
+from messages.arrays import BoolArray, FloatArray
 from messages.errors import UserError
-
-Array = NDArray[np.float64]
 
 IMU_FILE: Final = "imu.csv"
 REFERENCE_FILE: Final = "reference.csv"
@@ -48,13 +46,13 @@ class ImuRecording:
     `p_W_m` (m, 3), NaN where the cameras lost the sensor.
     """
 
-    t_s: Array
-    w_radps: Array
-    sf_mps2: Array
-    reference_t_s: Array
-    q_WS: Array
-    p_W_m: Array
-    temperature_degC: Array | None = None
+    t_s: FloatArray
+    w_radps: FloatArray
+    sf_mps2: FloatArray
+    reference_t_s: FloatArray
+    q_WS: FloatArray
+    p_W_m: FloatArray
+    temperature_degC: FloatArray | None = None
 
     @staticmethod
     def load(folder: Path) -> "ImuRecording":
@@ -103,7 +101,7 @@ class ImuRecording:
         )
 
 
-def _temperature(path: Path) -> Array | None:
+def _temperature(path: Path) -> FloatArray | None:
     """Return the column of temperatures (n,) without NaN; None where the file has none."""
     with path.open(encoding="utf-8-sig") as file:
         if TEMPERATURE_COLUMN not in [name.strip() for name in file.readline().split(",")]:
@@ -115,7 +113,7 @@ def _temperature(path: Path) -> Array | None:
     return np.interp(np.arange(len(values)), np.flatnonzero(there), values[there])
 
 
-def _check_stamps(path: Path, t_s: Array) -> None:
+def _check_stamps(path: Path, t_s: FloatArray) -> None:
     if not np.isfinite(t_s).all():
         raise UserError(f"{path}: row {_row(~np.isfinite(t_s))}: t_s is not a number")
     steps_s = np.diff(t_s)
@@ -133,7 +131,7 @@ def _check_stamps(path: Path, t_s: Array) -> None:
         )
 
 
-def _check_range(path: Path, values: Array, columns: tuple[str, ...], most: float, unit: str) -> None:
+def _check_range(path: Path, values: FloatArray, columns: tuple[str, ...], most: float, unit: str) -> None:
     beyond = np.abs(values) > most
     if beyond.any():
         row, column = np.argwhere(beyond)[0]
@@ -142,7 +140,7 @@ def _check_range(path: Path, values: Array, columns: tuple[str, ...], most: floa
         )
 
 
-def _check_gravity(path: Path, sf_mps2: Array) -> None:
+def _check_gravity(path: Path, sf_mps2: FloatArray) -> None:
     norm = float(np.median(np.linalg.norm(sf_mps2, axis=1)))
     low, high = MEAN_SF_MPS2
     if not low <= norm <= high:
@@ -152,17 +150,17 @@ def _check_gravity(path: Path, sf_mps2: Array) -> None:
         )
 
 
-def _unit(path: Path, q: Array) -> Array:
+def _unit(path: Path, q: FloatArray) -> FloatArray:
     norm = np.linalg.norm(q, axis=1)
     wrong = np.abs(norm - 1.0) > _NORM_TOLERANCE
     if wrong.any():
         row = int(np.argmax(wrong))
         raise UserError(f"{path}: row {row + 2}: qw to qz have the norm {norm[row]:.4g}, allowed 1 ± {_NORM_TOLERANCE}")
-    unit: Array = q / norm[:, None]
+    unit: FloatArray = q / norm[:, None]
     return unit
 
 
-def _check_up(path: Path, imu: Array, reference_t_s: Array, q_WS: Array) -> None:
+def _check_up(path: Path, imu: FloatArray, reference_t_s: FloatArray, q_WS: FloatArray) -> None:
     """Refuse a q that takes the mean of what the accelerometer read anywhere but up."""
     seen = np.flatnonzero(np.isfinite(q_WS).all(axis=1))
     at = imu[np.searchsorted(imu[:, 0], reference_t_s[seen]).clip(0, len(imu) - 1), 4:]
@@ -176,6 +174,6 @@ def _check_up(path: Path, imu: Array, reference_t_s: Array, q_WS: Array) -> None
         )
 
 
-def _row(flags: NDArray[np.bool_]) -> int:
+def _row(flags: BoolArray) -> int:
     """Return the row of the file, its header being row 1, of the first flag."""
     return int(np.argmax(flags)) + 2

@@ -20,17 +20,14 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
 from discrepancy.simulation import Channels, Effect, Parameter, Values
+from messages.arrays import BoolArray, ComplexArray, FloatArray
 from perception import so3
 from systems.imu.effects import AXES, REFERENCE_DEGC, Facts, library
 from systems.imu.motion import Reading
 from systems.imu.recording import SF_COLUMNS, STANDARD_GRAVITY_MPS2, W_COLUMNS
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _INPUT_NAMES: Final[tuple[str, ...]] = ("wx_radps", "wy_radps", "wz_radps", "fx_mps2", "fy_mps2", "fz_mps2")
 _BLEND_S: Final = 1.0
@@ -66,7 +63,7 @@ class ImuSimulation:
         """Return to where the low pass that measured and predicted share leaves them alone."""
         return self.reading.band_hz
 
-    def predicted(self, values: Values) -> Array:
+    def predicted(self, values: Values) -> FloatArray:
         """Return (1) to (8), (n, 6), behind the shared low pass; NaN where nothing was measured."""
         read, v = self.reading, _Lookup(values)
         told = self._read(v)
@@ -77,7 +74,7 @@ class ImuSimulation:
         y = read.ideal + (told - self._still)
         return np.where(self._masked, np.nan, y)
 
-    def _read(self, v: "_Lookup") -> Array:
+    def _read(self, v: "_Lookup") -> FloatArray:
         """Return (1) to (7), (n, 6), of the motion without most of the reference's noise."""
         read = self.reading
         w, sf = read.w, read.free + v("gravity_magnitude", "value_mps2", STANDARD_GRAVITY_MPS2) * read.up
@@ -107,7 +104,7 @@ class ImuSimulation:
             y = y + read.low_passed(np.clip(fine, -limits, limits) - fine)
         return y
 
-    def _warmth(self, v: "_Lookup") -> Array:
+    def _warmth(self, v: "_Lookup") -> FloatArray:
         """Return the last term of (4); without a temperature it is taken to rise steadily."""
         read = self.reading
         if read.temperature_degC is None:
@@ -132,12 +129,12 @@ class ImuSimulation:
         return found
 
     @cached_property
-    def _still(self) -> Array:
+    def _still(self) -> FloatArray:
         """Return (1) of the motion without most of the reference's noise, all neutral: (n, 6)."""
         return np.hstack((self.reading.w, self.reading.free + STANDARD_GRAVITY_MPS2 * self.reading.up))
 
     @cached_property
-    def _masked(self) -> NDArray[np.bool_]:
+    def _masked(self) -> BoolArray:
         return np.isnan(self.reading.measured)
 
     @cached_property
@@ -147,10 +144,10 @@ class ImuSimulation:
         return int(fft.next_fast_len(len(self.reading.t_s) + round(_BLEND_S * rate_hz), real=True))
 
     @cached_property
-    def _f_hz(self) -> Array:
+    def _f_hz(self) -> FloatArray:
         return np.asarray(np.fft.rfftfreq(self._length, 1.0 / self.channels.rate_hz), dtype=np.float64)
 
-    def _bins(self, y: Array) -> ComplexArray:
+    def _bins(self, y: FloatArray) -> ComplexArray:
         """Return the spectrum (k, c) of the record, bridged from its end to its beginning by reflections of both."""
         count = self._length - len(y)
         share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, count + 1)[:, None] / (count + 1))
@@ -159,11 +156,11 @@ class ImuSimulation:
         bins: ComplexArray = fft.rfft(np.concatenate((y, after + share * (before - after))), axis=0)
         return bins
 
-    def _filtered(self, y: Array, response: ComplexArray) -> Array:
-        found: Array = fft.irfft(self._bins(y) * response, self._length, axis=0)[: len(y)]
+    def _filtered(self, y: FloatArray, response: ComplexArray) -> FloatArray:
+        found: FloatArray = fft.irfft(self._bins(y) * response, self._length, axis=0)[: len(y)]
         return found
 
-    def _at(self, y: Array, late_s: Array) -> Array:
+    def _at(self, y: FloatArray, late_s: FloatArray) -> FloatArray:
         """Return y (n, c) as it was `late_s` (n,) before each sample: cubic between samples four times as dense."""
         n, length = len(y), self._length
         fine = _FINER * fft.irfft(self._bins(y), _FINER * length, axis=0)
@@ -176,7 +173,7 @@ class ImuSimulation:
             -(u + 1.0) * u * (u - 2.0) / 2.0,
             (u + 1.0) * u * (u - 1.0) / 6.0,
         )
-        found: Array = sum(  # type: ignore[assignment]
+        found: FloatArray = sum(  # type: ignore[assignment]
             weight * fine[(below + k) % len(fine)] for weight, k in zip(weights, (-1, 0, 1, 2), strict=True)
         )
         return found
@@ -200,14 +197,14 @@ class _Lookup:
         """Return whether one of the parameters, neutral at infinity, is finite."""
         return any(np.isfinite(self(effect, parameter, np.inf)) for parameter in parameters)
 
-    def vector(self, effect: str, form: str, neutral: float = 0.0) -> Array:
+    def vector(self, effect: str, form: str, neutral: float = 0.0) -> FloatArray:
         """Return the parameters (3,) of the three axes."""
         return np.array([self(effect, form.format(axis), neutral) for axis in AXES])
 
-    def square(self, effect: str) -> Array:
+    def square(self, effect: str) -> FloatArray:
         """Return the parameters xx, xy, … (3, 3): row reads, column acts."""
         return np.array([[self(effect, row + column) for column in AXES] for row in AXES])
 
-    def matrix(self, scale: str, misalignment: str) -> Array:
+    def matrix(self, scale: str, misalignment: str) -> FloatArray:
         """Return the sensitivity (3, 3) of a sensor."""
         return np.eye(3) + np.diag(self.vector(scale, "{}")) + self.square(misalignment)

@@ -18,12 +18,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import fftconvolve
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from messages.arrays import BoolArray, FloatArray
 
 SETTLED_S: Final = 0.25
 """After that an end or a gap is hardly heard any more."""
@@ -53,26 +51,28 @@ _INPUT_EDGE_HZ: Final = 2.0
 class Smoothing:
     """Filters (2 k + 1,) for turning rate and specific force, by (1) and for inputs, and where the band ends."""
 
-    turning_taps: Array
-    force_taps: Array
-    turning_input_taps: Array
-    force_input_taps: Array
+    turning_taps: FloatArray
+    force_taps: FloatArray
+    turning_input_taps: FloatArray
+    force_input_taps: FloatArray
     band_hz: float
 
-    def turning(self, values: Array) -> Array:
+    def turning(self, values: FloatArray) -> FloatArray:
         """Return (n, c) of what follows from one derivative of the attitude, smoothed."""
         return _convolved(values, self.turning_taps)
 
-    def force(self, values: Array) -> Array:
+    def force(self, values: FloatArray) -> FloatArray:
         """Return (n, c) of what follows from two derivatives of the position, smoothed."""
         return _convolved(values, self.force_taps)
 
-    def inputs(self, w: Array, sf: Array) -> Array:
+    def inputs(self, w: FloatArray, sf: FloatArray) -> FloatArray:
         """Return turning rate and specific force (n, 6) as far as they are almost free of noise."""
         return np.hstack((_convolved(w, self.turning_input_taps), _convolved(sf, self.force_input_taps)))
 
 
-def smoothing(w: Array, sf: Array, seen: Mask, rate_hz: float, reference_hz: float, most_hz: float) -> Smoothing:
+def smoothing(
+    w: FloatArray, sf: FloatArray, seen: BoolArray, rate_hz: float, reference_hz: float, most_hz: float
+) -> Smoothing:
     """Return the filters for `w` and `sf` (n, 3) at `rate_hz`, from where both are `seen` (n, 2) without a gap.
 
     The band never reaches beyond `most_hz`, nor beyond what the reference's rate allows.
@@ -100,7 +100,7 @@ def smoothing(w: Array, sf: Array, seen: Mask, rate_hz: float, reference_hz: flo
     return Smoothing(turning, force, turning_input, force_input, band_hz)
 
 
-def _power(values: Array, there: Mask, rate_hz: float) -> tuple[Array, Array]:
+def _power(values: FloatArray, there: BoolArray, rate_hz: float) -> tuple[FloatArray, FloatArray]:
     """Return the frequencies (k,) and the power density (s, k) of stretches without a gap, mean over axes."""
     length = min(len(values), round(_SEGMENT_S * rate_hz))
     starts = np.arange(0, len(values) - length + 1, max(1, length // 2))
@@ -108,21 +108,21 @@ def _power(values: Array, there: Mask, rate_hz: float) -> tuple[Array, Array]:
     whole = starts[gone[starts + length] == gone[starts]]
     pieces = values[(whole if len(whole) else starts)[:, None] + np.arange(length)]
     bins = np.fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * np.hanning(length)[:, None], axis=1)
-    power: Array = (np.abs(bins) ** 2).mean(axis=2)
+    power: FloatArray = (np.abs(bins) ** 2).mean(axis=2)
     f_hz = np.asarray(np.fft.rfftfreq(length, 1.0 / rate_hz), dtype=np.float64)
     return f_hz, power
 
 
-def _taps(share: Array, rate_hz: float, half_s: float) -> Array:
+def _taps(share: FloatArray, rate_hz: float, half_s: float) -> FloatArray:
     """Return the impulse response of the real response `share` (k,), tapered to ± `half_s`, one at zero frequency."""
     half = round(half_s * rate_hz)
     whole = np.fft.irfft(share)
     taps = np.concatenate((whole[-half:], whole[: half + 1])) * np.hanning(2 * half + 3)[1:-1]
-    found: Array = taps / taps.sum()
+    found: FloatArray = taps / taps.sum()
     return found
 
 
-def _convolved(values: Array, taps: Array) -> Array:
+def _convolved(values: FloatArray, taps: FloatArray) -> FloatArray:
     half = len(taps) // 2
-    found: Array = fftconvolve(np.pad(values, ((half, half), (0, 0)), mode="edge"), taps[:, None], "valid", axes=0)
+    found: FloatArray = fftconvolve(np.pad(values, ((half, half), (0, 0)), mode="edge"), taps[:, None], "valid", axes=0)
     return found

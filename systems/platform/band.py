@@ -13,15 +13,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 from scipy.ndimage import binary_dilation
 
-from impedance.body.rigid_body import Array
+from messages.arrays import BoolArray, ComplexArray, FloatArray
 from messages.errors import UserError
-
-ComplexArray = NDArray[np.complex128]
-BoolArray = NDArray[np.bool_]
 
 BAND_HZ = 60.0
 BAND_SHARE = 0.3
@@ -84,7 +80,7 @@ class Band:
         return slice(first, last + 1)
 
     @cached_property
-    def t_s(self) -> Array:
+    def t_s(self) -> FloatArray:
         """Return the times (m,) of what is compared."""
         return np.arange(self._inside.start, self._inside.stop) / self.out_hz
 
@@ -96,21 +92,21 @@ class Band:
         return ~np.asarray(near[np.rint(self.t_s * self.rate_hz).astype(np.int64)], dtype=np.bool_)
 
     @cached_property
-    def f_hz(self) -> Array:
+    def f_hz(self) -> FloatArray:
         """Return the frequencies of the bins."""
         return np.asarray(fft.rfftfreq(self.length, 1.0 / self.rate_hz), dtype=np.float64)
 
     @cached_property
-    def limit(self) -> Array:
+    def limit(self) -> FloatArray:
         """Return B of (1) at the bins."""
         return _fall(self.f_hz, self.pass_hz, _ROLL_OFF * self.pass_hz)
 
     @cached_property
-    def motion_limit(self) -> Array:
+    def motion_limit(self) -> FloatArray:
         """Return the limit of the motion that is differentiated."""
         return motion_limit(self.f_hz, self.rate_hz)
 
-    def spectrum(self, values: Array) -> ComplexArray:
+    def spectrum(self, values: FloatArray) -> ComplexArray:
         """Return the bins (c, k) of `values` (c, n)."""
         join = self.length - len(self.valid)
         after = 2.0 * values[:, -1:] - values[:, -2 : -2 - join : -1]
@@ -119,12 +115,12 @@ class Band:
         bins: ComplexArray = fft.rfft(np.hstack((values, weight * after + (1.0 - weight) * before)), axis=1)
         return bins
 
-    def full(self, spectrum: ComplexArray, finer: int = 1) -> Array:
+    def full(self, spectrum: ComplexArray, finer: int = 1) -> FloatArray:
         """Return the samples (c, finer n) of a spectrum (c, k), `finer` for each one of the recording."""
-        values: Array = fft.irfft(spectrum, finer * self.length, axis=1)[:, : finer * len(self.valid)]
+        values: FloatArray = fft.irfft(spectrum, finer * self.length, axis=1)[:, : finer * len(self.valid)]
         return finer * values
 
-    def stretched(self, spectrum: ComplexArray, rate: float) -> Array:
+    def stretched(self, spectrum: ComplexArray, rate: float) -> FloatArray:
         """Return the samples (c, n) as a clock that runs fast by `rate` shows them: what is at t seems at t (1 + rate).
 
         With W = exp(2πj / (L (1 + rate))) they are Σ_k c_k W^(k m), a convolution by 2 k m = k² + m² − (m − k)²
@@ -140,27 +136,27 @@ class Band:
         weight = np.where(place[:used] == 0.0, 1.0, 2.0) / self.length
         bins = fft.fft(spectrum[:, :used] * (weight * chirp[:used]), size, axis=1)
         bins *= fft.fft(kernel)
-        values: Array = (fft.ifft(bins, axis=1)[:, :n] * chirp[:n]).real
+        values: FloatArray = (fft.ifft(bins, axis=1)[:, :n] * chirp[:n]).real
         return values
 
-    def reduced(self, spectrum: ComplexArray) -> Array:
+    def reduced(self, spectrum: ComplexArray) -> FloatArray:
         """Return what is compared (c, m) of a spectrum (c, k): behind (1), sampled anew."""
         bins = self.reduced_length // 2 + 1
-        values: Array = fft.irfft(spectrum[:, :bins] * self._scaled_limit, self.reduced_length, axis=1)
+        values: FloatArray = fft.irfft(spectrum[:, :bins] * self._scaled_limit, self.reduced_length, axis=1)
         return values[:, self._inside]
 
     @cached_property
-    def _scaled_limit(self) -> Array:
+    def _scaled_limit(self) -> FloatArray:
         return self.limit[: self.reduced_length // 2 + 1] * (self.reduced_length / self.length)
 
-    def noise_gain(self, power: int, limit: Array) -> float:
+    def noise_gain(self, power: int, limit: FloatArray) -> float:
         """Return by what white noise is multiplied that is differentiated `power` times and passes a `limit` (k,)."""
         twice = np.where(self.f_hz == 0.0, 1.0, 2.0)
         response = (2.0 * np.pi * self.f_hz) ** power * limit
         return float(np.sqrt((twice * response**2).sum() / self.length))
 
 
-def bridged(values: Array, valid: BoolArray) -> Array:
+def bridged(values: FloatArray, valid: BoolArray) -> FloatArray:
     """Return `values` (n, c) with lines across what is not `valid` (n,), time last: (c, n)."""
     if valid.all():
         return np.ascontiguousarray(values.T)
@@ -168,12 +164,12 @@ def bridged(values: Array, valid: BoolArray) -> Array:
     return np.stack([np.interp(index, index[valid], column[valid]) for column in values.T])
 
 
-def motion_limit(f_hz: Array, rate_hz: float) -> Array:
+def motion_limit(f_hz: FloatArray, rate_hz: float) -> FloatArray:
     """Return the limit, at `f_hz`, of motion that is sampled `rate_hz` times a second and differentiated."""
     return _fall(f_hz, *(share * rate_hz for share in _MOTION_SHARES))
 
 
-def _fall(f_hz: Array, first_hz: float, last_hz: float) -> Array:
+def _fall(f_hz: FloatArray, first_hz: float, last_hz: float) -> FloatArray:
     position = np.clip((f_hz - first_hz) / (last_hz - first_hz), 0.0, 1.0)
-    fall: Array = 0.5 + 0.5 * np.cos(np.pi * position)
+    fall: FloatArray = 0.5 + 0.5 * np.cos(np.pi * position)
     return fall

@@ -11,9 +11,10 @@ from typing import TypeVar, cast
 
 import numpy as np
 
-from impedance.body.rigid_body import Array, regressor
+from impedance.body.rigid_body import regressor
+from messages.arrays import BoolArray, ComplexArray, FloatArray
 from systems.platform import sensor
-from systems.platform.band import Band, BoolArray, ComplexArray
+from systems.platform.band import Band
 from systems.platform.jumps import aliased
 from systems.platform.memory import with_play
 from systems.platform.motion import Motion, unsmoothed
@@ -37,20 +38,20 @@ class Stated:
     plate and foot; `to_plate` (10, 10) carries π from F to P.
     """
 
-    joint_m: Array
-    foot_m: Array | None
-    plate: Array
-    tared: Array
-    foot_tared: Array
-    to_plate: Array
+    joint_m: FloatArray
+    foot_m: FloatArray | None
+    plate: FloatArray
+    tared: FloatArray
+    foot_tared: FloatArray
+    to_plate: FloatArray
 
 
 @dataclass(frozen=True)
 class Markers:
     """Positions (3, m) of plate and foot in I, and what the foot's markers tell of θ and φ, (2, m) or nothing."""
 
-    positions_m: tuple[Array, ...]
-    rotations_rad: tuple[Array, ...]
+    positions_m: tuple[FloatArray, ...]
+    rotations_rad: tuple[FloatArray, ...]
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class Chain:
     repeats: BoolArray
     _kept: dict[tuple[object, ...], object] = field(default_factory=dict, compare=False, repr=False)
 
-    def predicted(self, acting: Acting, unknown: Array, noise: Array) -> tuple[Array, Markers]:
+    def predicted(self, acting: Acting, unknown: FloatArray, noise: FloatArray) -> tuple[FloatArray, Markers]:
         """Return the wrench (6, m) that is read, and the markers, below the band's limit.
 
         `unknown` (10,) is the π that the recording does not state, the foot's about F's origin or else the plate's;
@@ -105,7 +106,7 @@ class Chain:
             ),
         )
 
-    def columns_of(self, acting: Acting) -> Array:
+    def columns_of(self, acting: Acting) -> FloatArray:
         """Return (Y − Y⁰) in P, its ten columns first, (10, 6 n)."""
         lever_m = self.stated.joint_m + _triple(acting, "joint_offset")
         cutoff_hz = acting.get("motion_smoothing", {}).get("value_hz", inf)
@@ -114,7 +115,7 @@ class Chain:
             lambda: self.motion_of(acting).columns(lever_m, self.stated.tared),
         )
 
-    def wrench_of(self, acting: Acting, unknown: Array) -> Array:
+    def wrench_of(self, acting: Acting, unknown: FloatArray) -> FloatArray:
         """Return the wrench (6, n) of plate, foot and hidden mass as rigid bodies, tared."""
         stated, body = self.stated, unknown
         if stated.foot_m is not None:
@@ -124,18 +125,18 @@ class Chain:
         wrench = wrench.reshape(6, -1)
         if stated.foot_m is not None:
             wrench += ((stated.tared - stated.foot_tared) @ foot)[:, None]
-        return cast(Array, wrench)
+        return cast(FloatArray, wrench)
 
-    def level_slope(self, unknown: Array) -> Array:
+    def level_slope(self, unknown: FloatArray) -> FloatArray:
         """Return ∂ wrench / ∂ (θ̈, φ̈) (6, 2), level."""
         alpha = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
         none = np.zeros((2, 3))
         stated = self.stated
         body = unknown if stated.foot_m is None else stated.plate + stated.to_plate @ unknown
-        slope: Array = (regressor(np.cross(alpha, stated.joint_m), none, none, alpha) @ body).T
+        slope: FloatArray = (regressor(np.cross(alpha, stated.joint_m), none, none, alpha) @ body).T
         return slope
 
-    def _rocking(self, acting: Acting, unknown: Array) -> Rocking | None:
+    def _rocking(self, acting: Acting, unknown: FloatArray) -> Rocking | None:
         tape = acting.get("tape_compliance", {})
         resonances_hz = (tape.get("z_hz", inf), tape.get("x_hz", inf))
         if self.stated.foot_m is None or not any(isfinite(hz) for hz in resonances_hz):
@@ -151,7 +152,7 @@ class Chain:
         rest = self.stated.tared @ foot
         return rocking(self.band, foot, motion, rigid, rest, resonances_hz, tape.get("zeta", 0.0))
 
-    def _straps(self, acting: Acting) -> list[Array]:
+    def _straps(self, acting: Acting) -> list[FloatArray]:
         """Return the moments (3, n) in P that hold spring, damper and friction at bay, about I's Z and P's X."""
         springs, dampers, rubs = (
             acting.get(name, {}) for name in ("parallel_spring", "parallel_damping", "coulomb_friction")
@@ -168,7 +169,7 @@ class Chain:
         phi = motion.angles_rad[1]
         return [np.stack((about[1], about[0] * np.sin(phi), about[0] * np.cos(phi)))]
 
-    def _bent(self, acting: Acting, spectrum: ComplexArray, noise: Array) -> Array:
+    def _bent(self, acting: Acting, spectrum: ComplexArray, noise: FloatArray) -> FloatArray:
         """Return the wrench (6, n) behind all that is no factor per frequency.
 
         What play makes follows from the turning points, which lie between samples: it sees four times as many, below
@@ -198,7 +199,7 @@ class Chain:
         """Return what the markers show; they are compared as smoothed as they are."""
         stated, band = self.stated, self.band
 
-        def reduced() -> Array:
+        def reduced() -> FloatArray:
             seen = self.motion_of({})
             rows = np.vstack((seen.R_IP.transpose(1, 2, 0).reshape(9, -1), seen.angles_rad))
             return band.reduced(band.spectrum(rows))
@@ -234,12 +235,12 @@ class Chain:
         return key[1:] in ((), (inf,), (inf, *self.stated.joint_m.tolist()))
 
 
-def _triple(acting: Acting, effect: str) -> Array:
+def _triple(acting: Acting, effect: str) -> FloatArray:
     found = acting.get(effect, {})
     return np.array([found.get(axis, 0.0) for axis in _AXES_M])
 
 
-def _hidden(acting: Acting) -> Array:
+def _hidden(acting: Acting) -> FloatArray:
     """Return the π (10,) of a point mass on the plate."""
     hidden = acting.get("hidden_mass", {})
     vector = np.zeros(10)
@@ -252,7 +253,7 @@ def _hidden(acting: Acting) -> Array:
     return vector
 
 
-def _matrix(acting: Acting) -> Array | None:
+def _matrix(acting: Acting) -> FloatArray | None:
     """Return what gains, crosstalk, height and rotation make of a wrench (6, 6), or None if nothing."""
     gains, crosstalk = acting.get("force_gain", {}), acting.get("crosstalk", {})
     turns = acting.get("plate_rotation", {})
@@ -266,7 +267,7 @@ def _matrix(acting: Acting) -> Array | None:
         of, _, source = name.partition("_from_")
         amplifier[CHANNELS.index(of), CHANNELS.index(source)] += share
     rotation = np.array([turns.get(axis, 0.0) for axis in ("x_rad", "y_rad", "z_rad")])
-    matrix: Array = amplifier @ sensor.turned(rotation) @ sensor.about_height(height_m)
+    matrix: FloatArray = amplifier @ sensor.turned(rotation) @ sensor.about_height(height_m)
     return matrix
 
 

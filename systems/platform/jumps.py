@@ -19,8 +19,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
-from systems.platform.band import Band, ComplexArray, motion_limit
+from messages.arrays import ComplexArray, FloatArray
+from systems.platform.band import Band, motion_limit
 
 _AROUND_S = np.array([-9e-3, -6.5e-3, -4e-3, 4e-3, 6.5e-3, 9e-3])
 _BINS = 400
@@ -33,7 +33,7 @@ _SERIES_SHARE = 0.3
 """Of the rate: how far (1) is summed; beyond lies the band's limit."""
 
 
-def aliased(wrench: Array, band: Band, update_hz: float, offset_s: float) -> Array:
+def aliased(wrench: FloatArray, band: Band, update_hz: float, offset_s: float) -> FloatArray:
     """Return by (1) what sampling adds to a wrench (6, n) that jumps every 1 / `update_hz` from `offset_s` on."""
     n, rate_hz = wrench.shape[1], band.rate_hz
     margin_s = _AROUND_S[-1] + 1.0 / rate_hz
@@ -62,7 +62,7 @@ def aliased(wrench: Array, band: Band, update_hz: float, offset_s: float) -> Arr
     return band.full(total)
 
 
-def rhythm(wrench: Array, left: Array, rate_hz: float) -> tuple[float, float]:
+def rhythm(wrench: FloatArray, left: FloatArray, rate_hz: float) -> tuple[float, float]:
     """Return how often (Hz) a wrench (6, n) jumps and when (s) first, as far as what is `left` (6, n) of it tells.
 
     The rate is sought where fast changes recur, then rate and offset as they best put impulses (1) into what is left.
@@ -99,11 +99,11 @@ def rhythm(wrench: Array, left: Array, rate_hz: float) -> tuple[float, float]:
 class _Sought:
     """By sample (n,), how a jump there agrees with what is left, and its own size."""
 
-    agreement: Array
-    size: Array
+    agreement: FloatArray
+    size: FloatArray
     rate_hz: float
 
-    def best(self, rates_hz: Array, offsets_s: Array) -> tuple[float, float, float]:
+    def best(self, rates_hz: FloatArray, offsets_s: FloatArray) -> tuple[float, float, float]:
         """Return score, rate and offset of the best rhythm among these, every jump counting by (1)."""
         n = len(self.size)
         best = (-np.inf, float(rates_hz[0]), 0.0)
@@ -120,17 +120,17 @@ class _Sought:
 
 
 @lru_cache(maxsize=4)
-def _step(rate_hz: float) -> Array:
+def _step(rate_hz: float) -> FloatArray:
     """Return the weights (6,) of the places around a jump that tell its size by (2)."""
     f_hz = (np.arange(_BINS) + 0.5) * rate_hz / (2 * _BINS)
     ringing = np.sin(2.0 * np.pi * _AROUND_S[:, None] * f_hz) @ (motion_limit(f_hz, rate_hz) / f_hz)
     H = 0.5 + ringing * rate_hz / (2 * _BINS * np.pi)
-    weights: Array = np.linalg.pinv(np.column_stack((np.ones(6), _AROUND_S, H)))[2]
+    weights: FloatArray = np.linalg.pinv(np.column_stack((np.ones(6), _AROUND_S, H)))[2]
     return weights
 
 
-def _at(values: Array, position: Array) -> Array:
+def _at(values: FloatArray, position: FloatArray) -> FloatArray:
     below = np.floor(position).astype(np.int64)
     part = position - below
-    between: Array = (1.0 - part) * values[:, below] + part * values[:, below + 1]
+    between: FloatArray = (1.0 - part) * values[:, below] + part * values[:, below + 1]
     return between

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from impedance.body.rigid_body import Array
+from messages.arrays import BoolArray, FloatArray
 
 
-def with_play(x: Array, half_play: Array | float, start: Array | float) -> Array:
+def with_play(x: FloatArray, half_play: FloatArray | float, start: FloatArray | float) -> FloatArray:
     """Return what comes through a play of ± `half_play`: y follows x (n, ...) only where it would be further behind.
 
         y_k = min(max(y_{k−1}, x_k − half_play), x_k + half_play),   y_{−1} = start                              (1)
@@ -21,11 +21,11 @@ def with_play(x: Array, half_play: Array | float, start: Array | float) -> Array
             np.clip(high[:-step], low[step:], high[step:]),
         )
         step *= 2
-    y: Array = np.clip(start, low, high)
+    y: FloatArray = np.clip(start, low, high)
     return y
 
 
-def last_kept(lost: NDArray[np.bool_]) -> NDArray[np.intp]:
+def last_kept(lost: BoolArray) -> NDArray[np.intp]:
     """Return for each sample (n,) the index of the last one up to it that was not `lost` (n,)."""
     index: NDArray[np.intp] = np.maximum.accumulate(np.where(lost, 0, np.arange(len(lost))))
     return index

@@ -13,17 +13,17 @@ import numpy as np
 
 from impedance.body import geometry
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array
-from systems.platform.band import Band, ComplexArray
+from messages.arrays import ComplexArray, FloatArray
+from systems.platform.band import Band
 
 
 @dataclass(frozen=True)
 class Motion:
     """Angles (θ, φ), rates and accelerations, each (2, n)."""
 
-    angles_rad: Array
-    rates_radps: Array
-    accelerations_radps2: Array
+    angles_rad: FloatArray
+    rates_radps: FloatArray
+    accelerations_radps2: FloatArray
 
     @classmethod
     def of(cls, spectrum: ComplexArray, band: Band) -> "Motion":
@@ -34,25 +34,25 @@ class Motion:
         return cls(all_six[:2], all_six[2:4], all_six[4:])
 
     @cached_property
-    def R_IP(self) -> Array:
+    def R_IP(self) -> FloatArray:
         """Return R_IP (n, 3, 3)."""
         return geometry.rotation_IP(np.zeros(self.angles_rad.shape[1]), *self.angles_rad)
 
-    def kinematics(self, lever_m: Array) -> Kinematics:
+    def kinematics(self, lever_m: FloatArray) -> Kinematics:
         """Return the motion of P by (1), with the lever (3,) from the joint."""
         still = self._on_joint
         a_O = np.cross(still.alpha, lever_m) + np.cross(still.w, np.cross(still.w, lever_m))
         return Kinematics(a_O, still.w, still.alpha, still.g_P)
 
-    def columns(self, lever_m: Array, rest: Array) -> Array:
+    def columns(self, lever_m: FloatArray, rest: FloatArray) -> FloatArray:
         """Return (Y − Y⁰) for a body in P, its ten columns first: (10, 6 n)."""
         Y = self.kinematics(lever_m).regressor - rest
         return np.ascontiguousarray(Y.transpose(2, 1, 0)).reshape(10, -1)
 
-    def direction(self, row: int, rate_hz: float) -> Array:
+    def direction(self, row: int, rate_hz: float) -> FloatArray:
         """Return the sign (n,) of an angle's rate, on average over each sample: a reversal lies between two."""
         within = 0.5 * np.abs(self.accelerations_radps2[row]) / rate_hz
-        sign: Array = np.clip(self.rates_radps[row] / np.maximum(within, _LEAST_RADPS), -1.0, 1.0)
+        sign: FloatArray = np.clip(self.rates_radps[row] / np.maximum(within, _LEAST_RADPS), -1.0, 1.0)
         return sign
 
     @cached_property

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
-from systems.platform.band import BoolArray
+from messages.arrays import BoolArray, FloatArray
 from systems.platform.memory import last_kept
 
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
@@ -11,7 +10,7 @@ _HARMONICS = 12
 _SQUARE_OF_NOTHING = 40.0
 
 
-def about_height(height_m: float) -> Array:
+def about_height(height_m: float) -> FloatArray:
     """Return the matrix (6, 6) that takes moments about P's origin to those about a point `height_m` above it.
 
     T' = T − (0, h, 0) × f.
@@ -21,7 +20,7 @@ def about_height(height_m: float) -> Array:
     return matrix
 
 
-def turned(rotation_rad: Array) -> Array:
+def turned(rotation_rad: FloatArray) -> FloatArray:
     """Return the matrix (6, 6) that takes a wrench in P to a sensor turned against P by a rotation vector (3,)."""
     angle = float(np.linalg.norm(rotation_rad))
     if angle == 0.0:
@@ -34,13 +33,13 @@ def turned(rotation_rad: Array) -> Array:
     return matrix
 
 
-def rounded(x: Array, step: float, noise: float) -> Array:
+def rounded(x: FloatArray, step: float, noise: float) -> FloatArray:
     """Return what rounding to multiples of `step` makes on average of `x` with normal `noise` on it.
 
     x + (step/π) Σ_k (−1)ᵏ/k exp(−2 (π k noise / step)²) sin(2π k x / step): without noise the staircase itself.
     """
     phase = 2.0 * np.pi * x / step
-    mean: Array = x.copy()
+    mean: FloatArray = x.copy()
     for k in range(1, _HARMONICS + 1):
         exponent = 2.0 * (np.pi * k * noise / step) ** 2
         if exponent < _SQUARE_OF_NOTHING:
@@ -48,20 +47,20 @@ def rounded(x: Array, step: float, noise: float) -> Array:
     return mean
 
 
-def held(values: Array, repeats: BoolArray, share: float) -> Array:
+def held(values: FloatArray, repeats: BoolArray, share: float) -> FloatArray:
     """Return `values` (6, n) with a `share` of the way from every sample that `repeats` (n,) to the one it repeats."""
-    result: Array = values + share * (values[:, last_kept(repeats)] - values)
+    result: FloatArray = values + share * (values[:, last_kept(repeats)] - values)
     return result
 
 
-def repeats(wrench: Array) -> BoolArray:
+def repeats(wrench: FloatArray) -> BoolArray:
     """Return where (n,) all channels of a measured wrench (n, 6) are exactly those of the sample before."""
     same = np.zeros(len(wrench), dtype=np.bool_)
     same[1:] = (wrench[1:] == wrench[:-1]).all(axis=1)
     return same
 
 
-def lattice(values: Array) -> float | None:
+def lattice(values: FloatArray) -> float | None:
     """Return the spacing of what values (n,) lie on multiples of it, or None where they take almost any value."""
     levels = np.unique(values)
     if not 2 < len(levels) < len(values) / 4:

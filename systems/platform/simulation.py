@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from discrepancy.simulation import Channels, Effect, Parameter, Values
-from impedance.body.rigid_body import Array
 from impedance.identification.mechanism import level_rest
 from impedance.identification.noise_level import noise_level
 from impedance.identification.observability import moving
 from impedance.recording.recording import WRENCH_COLUMNS, PlatformRecording, Poses
 from impedance.recording.synchronous import Synchronous, synchronous
+from messages.arrays import FloatArray
 from messages.errors import UserError
 from systems.platform.band import Band, bridged
 from systems.platform.chain import Chain, Stated
@@ -136,7 +136,7 @@ class PlatformSimulation:
             *sampling(*self._rhythm),
         )
 
-    def predicted(self, values: Values) -> Array:
+    def predicted(self, values: Values) -> FloatArray:
         """Return wrench and markers (m, c) below 60 Hz; NaN near gaps."""
         wrench, markers = self.chain.predicted(self._acting(values), self._body(values), self._rounded_noise)
         everything = np.vstack((wrench, *(SKEW @ position for position in markers.positions_m), *markers.rotations_rad))
@@ -170,7 +170,7 @@ class PlatformSimulation:
             return tuple(range(10))
         return () if self.stated.plate.any() else tuple(range(1, 10))
 
-    def _body(self, values: Values) -> Array:
+    def _body(self, values: Values) -> FloatArray:
         """Return the unknown body's π (10,): the foot about F's origin, or the plate."""
         if not self._unknown:
             return self.stated.plate
@@ -183,7 +183,7 @@ class PlatformSimulation:
         return vector
 
     @cached_property
-    def _start(self) -> Array:
+    def _start(self) -> FloatArray:
         """Return the least squares of the wrench for what is unknown, each channel by its own size."""
         band, stated = self.band, self.stated
         columns = self.chain.columns_of({}).reshape(10, 6, -1)
@@ -200,27 +200,27 @@ class PlatformSimulation:
         left = measured - np.einsum("p,pwm->wm", known, moved)
         weight = 1.0 / np.maximum(left.std(axis=1), 1e-9)[:, None]
         A = (unknown * weight)[:, :, band.kept].reshape(len(unknown), -1)
-        found: Array = np.linalg.lstsq(A.T, (left * weight)[:, band.kept].reshape(-1), rcond=None)[0]
+        found: FloatArray = np.linalg.lstsq(A.T, (left * weight)[:, band.kept].reshape(-1), rcond=None)[0]
         return found
 
     @cached_property
-    def _rounded_noise(self) -> Array:
+    def _rounded_noise(self) -> FloatArray:
         """Return what scatters a sample (6,) about its prediction: the sensor as declared, and the angles."""
         noise = self.streams.settings.noise
         angle_rad = noise_level(self.streams).angle_rad
         moved = angle_rad * self.band.noise_gain(2, self.band.motion_limit) * self._per_acceleration
-        scatter: Array = np.hypot(np.repeat((noise.force_n or 0.0, noise.torque_nm or 0.0), 3), moved)
+        scatter: FloatArray = np.hypot(np.repeat((noise.force_n or 0.0, noise.torque_nm or 0.0), 3), moved)
         return scatter
 
     @cached_property
-    def _per_acceleration(self) -> Array:
+    def _per_acceleration(self) -> FloatArray:
         """Return by how much the wrench (6,) scatters with that of both angular accelerations."""
         slope = self.chain.level_slope(self._body({}))
-        spread: Array = np.sqrt((slope**2).sum(axis=1))
+        spread: FloatArray = np.sqrt((slope**2).sum(axis=1))
         return spread
 
     @cached_property
-    def _noise_std(self) -> Array | None:
+    def _noise_std(self) -> FloatArray | None:
         """Return the noise (c,) of a sample, an upper bound where the sensor's has a colour; None if undeclared."""
         noise, frames = self.streams.settings.noise, 1 if self.stated.foot_m is None else 2
         if None in (noise.position_m, noise.angle_rad, noise.force_n, noise.torque_nm):

@@ -22,7 +22,8 @@ from math import isfinite
 import numpy as np
 
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array, tensor_of
+from impedance.body.rigid_body import tensor_of
+from messages.arrays import FloatArray
 from systems.platform.band import Band
 
 _GRAVITY_MPS2 = 9.81
@@ -33,9 +34,9 @@ _LEAST_KGM2 = 1e-4
 class Carried:
     """The motion of P as rows (3, n): its origin's acceleration less gravity, ω and α, all in P."""
 
-    felt_mps2: Array
-    w: Array
-    alpha: Array
+    felt_mps2: FloatArray
+    w: FloatArray
+    alpha: FloatArray
 
     @classmethod
     def of(cls, motion: Kinematics) -> "Carried":
@@ -48,12 +49,18 @@ class Carried:
 class Rocking:
     """What rocking adds to the wrench (6, n) of the foot, and the turns δ and ε (2, n)."""
 
-    wrench: Array
-    turns_rad: Array
+    wrench: FloatArray
+    turns_rad: FloatArray
 
 
 def rocking(
-    band: Band, foot: Array, motion: Carried, rigid: Array, rest: Array, resonances_hz: tuple[float, float], zeta: float
+    band: Band,
+    foot: FloatArray,
+    motion: Carried,
+    rigid: FloatArray,
+    rest: FloatArray,
+    resonances_hz: tuple[float, float],
+    zeta: float,
 ) -> Rocking:
     """Return what a foot of π (10,) about P's origin does that moves by `motion` of P.
 
@@ -85,7 +92,7 @@ def rocking(
     return Rocking(wrench - rigid - rest[:, None], rows[:2])
 
 
-def shifted(R_IP: Array, turns_rad: Array, at_m: Array) -> tuple[Array, Array]:
+def shifted(R_IP: FloatArray, turns_rad: FloatArray, at_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return what turns (2, n) of F about P's origin do to the place `at_m` (3,) of F's origin, in I, and to θ and φ.
 
     `R_IP` (9, n) holds the matrix row by row; the results are (3, n) and (2, n).
@@ -98,7 +105,9 @@ def shifted(R_IP: Array, turns_rad: Array, at_m: Array) -> tuple[Array, Array]:
     return moved_m, after - before
 
 
-def _rocked(foot: Array, motion: Carried, turns_rad: Array, rate: Array, acceleration: Array) -> Array:
+def _rocked(
+    foot: FloatArray, motion: Carried, turns_rad: FloatArray, rate: FloatArray, acceleration: FloatArray
+) -> FloatArray:
     """Return by (2) and (3) the wrench (6, n) in P of the foot that rocks."""
     turn = _Turn.by(turns_rad)
     (sin, _), (cos, _) = turn.sin, turn.cos
@@ -118,25 +127,25 @@ def _rocked(foot: Array, motion: Carried, turns_rad: Array, rate: Array, acceler
 class _Turn:
     """R = Rz(δ) Rx(ε) by the sines and cosines (2, n) of both."""
 
-    sin: Array
-    cos: Array
+    sin: FloatArray
+    cos: FloatArray
 
     @classmethod
-    def by(cls, turns_rad: Array) -> "_Turn":
+    def by(cls, turns_rad: FloatArray) -> "_Turn":
         return cls(np.sin(turns_rad), np.cos(turns_rad))
 
-    def to_P(self, v: Array) -> Array:
+    def to_P(self, v: FloatArray) -> FloatArray:
         """Return R v of rows (3, n)."""
         (sin_d, sin_e), (cos_d, cos_e) = self.sin, self.cos
         y, z = cos_e * v[1] - sin_e * v[2], sin_e * v[1] + cos_e * v[2]
         return np.stack((cos_d * v[0] - sin_d * y, sin_d * v[0] + cos_d * y, z))
 
-    def to_F(self, v: Array) -> Array:
+    def to_F(self, v: FloatArray) -> FloatArray:
         """Return Rᵀ v of rows (3, n)."""
         (sin_d, sin_e), (cos_d, cos_e) = self.sin, self.cos
         y = cos_d * v[1] - sin_d * v[0]
         return np.stack((cos_d * v[0] + sin_d * v[1], cos_e * y + sin_e * v[2], cos_e * v[2] - sin_e * y))
 
 
-def _cross(a: Array, b: Array) -> Array:
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.stack((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))

@@ -10,10 +10,9 @@ measured across the picture, which a walker's smear, downwards, hardly alters.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-FloatArray = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 _STEP_PX, _MOST_PX = 0.25, 20.0
 _SHORTEST_PX = 0.25

@@ -8,14 +8,12 @@ A plane with the unit normal n, at the height h below the left optical centre, i
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from messages import Calibration
+from messages.arrays import BoolArray, FloatArray
 from perception.depth.stereo_camera import StereoCamera
 from systems.wearable.recording import Track
-
-FloatArray = NDArray[np.float64]
 
 GRID_S = 0.005
 _GAP_S = 0.06
@@ -35,12 +33,12 @@ class Smooth:
         values[~self.knows(t_s)] = np.nan
         return values
 
-    def knows(self, t_s: FloatArray) -> NDArray[np.bool_]:
+    def knows(self, t_s: FloatArray) -> BoolArray:
         """Return (…,): whether a sample stands close before and after."""
         after = np.searchsorted(self._t_s, t_s)
         inside = (after > 0) & (after < len(self._t_s))
         after = np.clip(after, 1, len(self._t_s) - 1)
-        close: NDArray[np.bool_] = inside & (self._t_s[after] - self._t_s[after - 1] < _GAP_S)
+        close: BoolArray = inside & (self._t_s[after] - self._t_s[after - 1] < _GAP_S)
         return close
 
 

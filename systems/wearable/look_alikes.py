@@ -16,12 +16,10 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discrepancy.simulation import Effect
+from messages.arrays import FloatArray
 from systems.wearable.simulation import WearableSimulation, load
-
-FloatArray = NDArray[np.float64]
 
 ALIKE = 0.9
 """From this share on two effects are called look-alikes: less than a tenth of the evidence tells them apart."""

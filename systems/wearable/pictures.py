@@ -13,13 +13,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from messages import FrameHeader, GreyImage, StereoCalibration, StereoFrame
+from messages import FrameHeader, StereoCalibration, StereoFrame
+from messages.arrays import Float32Array, FloatArray, GreyImage
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window
 from perception.depth.stereo_camera import StereoCamera
 from systems.wearable.ground_path import GroundPath
-
-FloatArray = NDArray[np.float64]
 
 ROWS, COLUMNS = 4, 6
 PATCHES = ROWS * COLUMNS
@@ -131,7 +130,7 @@ def _numbers(
     return np.concatenate((median, _contrast(left), _lean(left), whole, _difference(left)))
 
 
-def _crowding(disparity_px: NDArray[np.float32], seq: int) -> float:
+def _crowding(disparity_px: Float32Array, seq: int) -> float:
     """Return the mean of cos 2πd over `_LOCKING_PIXELS` pixels drawn by the frame's number, over π.
 
     Disparities d − a sin 2πd of evenly spread d have the mean J₁(2πa), which is πa for small a.

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.files import parse_calibration
 from drivers.recording.recording import McapRecording
 from impedance.recording.plain_files import read_table
 from messages import Calibration, ImuSample, StereoFrame
+from messages.arrays import BoolArray, FloatArray
 from messages.errors import UserError
-
-FloatArray = NDArray[np.float64]
 
 GROUND_COLUMNS = ("t_s", "nx", "ny", "nz", "height_m")
 REFERENCE_COLUMNS = ("t_s", "qw", "qx", "qy", "qz", "px_m", "py_m", "pz_m")
@@ -117,6 +115,6 @@ def _number(path: Path, row: int, column: str, text: str) -> float:
         raise UserError(f"{path}: row {row}, column {column} is '{text}', no number") from error
 
 
-def _check(path: Path, wrong: NDArray[np.bool_], column: str, problem: str) -> None:
+def _check(path: Path, wrong: BoolArray, column: str, problem: str) -> None:
     if wrong.any():
         raise UserError(f"{path}: row {int(np.argmax(wrong)) + 2}, column {column} {problem}")

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from discrepancy.simulation import Channels, Effect, Parameter, Values
 from messages import FrameHeader
+from messages.arrays import BoolArray, FloatArray, IntArray
 from messages.errors import UserError
 from perception.depth.stereo_camera import StereoCamera
 from perception.ground.foothold import FootholdSettings
@@ -25,8 +25,6 @@ from systems.wearable.ground_path import GRID_S, Attitude, GroundPath, Smooth
 from systems.wearable.own_attitude import own_attitude
 from systems.wearable.pictures import COLUMNS, LAGS_PX, PATCHES, ROWS, FrameNumbers, Layout, measure
 from systems.wearable.recording import LEAST_FRAMES, WearableFiles, read_files, read_frames, read_samples
-
-FloatArray = NDArray[np.float64]
 
 SYSTEM = "wearable"
 _POLYNOMIALS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
@@ -235,7 +233,7 @@ class WearableSimulation:
         return spread
 
 
-def _places(headers: tuple[FrameHeader, ...]) -> tuple[NDArray[np.int64], int]:
+def _places(headers: tuple[FrameHeader, ...]) -> tuple[IntArray, int]:
     """Return where each frame stands on the uniform grid, and how many places that has."""
     stamps = np.array([header.t_exposure_ns for header in headers], dtype=np.int64)
     period = float(np.median(np.diff(stamps)))
@@ -249,7 +247,7 @@ def _change(values: FloatArray) -> FloatArray:
     return np.diff(values, prepend=np.nan)
 
 
-def _operators(seen: NDArray[np.bool_]) -> FloatArray:
+def _operators(seen: BoolArray) -> FloatArray:
     """Return (n, q, p): from patches to coefficients, each the RMS in px of its term; NaN where patches are few."""
     y, x = np.meshgrid(np.linspace(-1, 1, ROWS), np.linspace(-1, 1, COLUMNS), indexing="ij")
     terms = np.stack([x.ravel() ** i * y.ravel() ** j for i, j in _POLYNOMIALS], axis=-1)

@@ -14,14 +14,12 @@ seconds holds as many independent numbers as it has frames.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from messages import Calibration, ImuSample
+from messages.arrays import FloatArray, IntArray
 from perception.attitude.imu_model import corrected
 from systems.wearable.ground_path import Attitude, Smooth
-
-FloatArray = NDArray[np.float64]
 
 GRAVITY_MPS2 = 9.80665
 GYRO_TIME_S, GRAVITY_TIME_S = 0.2, 0.08
@@ -50,7 +48,7 @@ class Sensed:
         )
 
 
-def _dated(stamp_ns: NDArray[np.int64]) -> FloatArray:
+def _dated(stamp_ns: IntArray) -> FloatArray:
     """Return (n,) s: when the samples were taken, on the line that the recording's last stamps lie on.
 
     A chip samples evenly. A driver that only polls it learns the line's place and slope as it goes, and lays it anew by

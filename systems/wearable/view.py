@@ -8,15 +8,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from messages import Calibration, Lens
+from messages.arrays import FloatArray
 from perception.depth.rectify import Rectifier
 from systems.wearable.blur import Steepness
 from systems.wearable.ground_path import GroundPath, Smooth
 from systems.wearable.pictures import Layout
 
-FloatArray = NDArray[np.float64]
 Swelling = Callable[[Lens, FloatArray], FloatArray]
 
 

@@ -6,14 +6,12 @@ starts and stops nor gaps and clipping.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from messages import Residual
+from messages.arrays import FloatArray
 from perception.attitude.filter import AttitudeSettings, AttitudeState
-
-Array = NDArray[np.float64]
 
 
 class ReferenceAttitude:
@@ -21,7 +19,7 @@ class ReferenceAttitude:
 
     def __init__(self, settings: AttitudeSettings, residual: Residual, start: AttitudeState) -> None:
         w, x, y, z = start.q_WB
-        self.R_WB: Array = Rotation.from_quat((x, y, z, w)).as_matrix()
+        self.R_WB: FloatArray = Rotation.from_quat((x, y, z, w)).as_matrix()
         self.v_W = np.array(start.v_W)
         self.u_W = np.array(start.drift_W)
         self.b = np.array(start.gyro_bias)
@@ -38,7 +36,7 @@ class ReferenceAttitude:
         self._settings = settings
         self._scale = residual.scale
 
-    def update(self, t_ns: int, sf: Array, w: Array) -> None:
+    def update(self, t_ns: int, sf: FloatArray, w: FloatArray) -> None:
         """Take one sample."""
         dt = 1e-9 * (t_ns - self._t_ns)
         self._t_ns = t_ns
@@ -51,7 +49,7 @@ class ReferenceAttitude:
             self._measure(self._since_correction_s)
             self._since_correction_s = 0.0
 
-    def _predict(self, sf: Array, w: Array, dt: float) -> None:
+    def _predict(self, sf: FloatArray, w: FloatArray, dt: float) -> None:
         s = self._settings
         w_mid = (self._w_before + w) / 2.0
         sf_W_before = self.R_WB @ (self._sf_before - self.a)
@@ -82,7 +80,7 @@ class ReferenceAttitude:
         s = self._settings
         identity = np.eye(24)
         swing = self.v_W - self.u_W
-        measurements: list[tuple[Array, float, float]] = []
+        measurements: list[tuple[FloatArray, float, float]] = []
         if self._resting:
             rate = self._rate(np.array(self._rest.mean_w_B))
             measurements += [(identity[3 + i], rate[i], s.sway_rate_radps_rts**2 / dt) for i in range(3)]
@@ -106,6 +104,6 @@ class ReferenceAttitude:
         self.a = self.a + error[12:15]
         self.M = self.M + error[15:24].reshape(3, 3)
 
-    def _rate(self, w: Array) -> Array:
-        rate: Array = w - self.M @ w - self.b
+    def _rate(self, w: FloatArray) -> FloatArray:
+        rate: FloatArray = w - self.M @ w - self.b
         return rate

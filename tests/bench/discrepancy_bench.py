@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from discrepancy.simulation import Channels, Effect, FloatArray, Parameter, Values
+from discrepancy.simulation import Channels, Effect, Parameter, Values
+from messages.arrays import FloatArray
 
 RATE_HZ = 200.0
 EDGE_S = 0.5

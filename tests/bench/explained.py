@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from discrepancy.explanation import Adequacy, Evidence, Explanation, Spectrum, View
-from discrepancy.simulation import Channels, Effect, FloatArray, Parameter, Values
+from discrepancy.simulation import Channels, Effect, Parameter, Values
 from discrepancy.verdict import Cause, Gain, Quantity, Remainder, Signature, Verdict
+from messages.arrays import FloatArray
 
 RATE_HZ = 100.0
 NAMES = ("fx_n", "tz_nm")

@@ -4,11 +4,10 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from messages.arrays import BoolArray, FloatArray, IntArray
 
 GRAVITY_MPS2 = 9.80665
 G_W_MPS2 = np.array((0.0, 0.0, -GRAVITY_MPS2))
@@ -19,17 +18,17 @@ _FINE_HZ = 1000
 class Motion:
     """Times (n,) in ns; specific force and angular rate in B, (n, 3); true attitude R_WB, (n, 3, 3)."""
 
-    t_ns: NDArray[np.int64]
-    sf_B: Array
-    w_B: Array
-    R_WB: Array
+    t_ns: IntArray
+    sf_B: FloatArray
+    w_B: FloatArray
+    R_WB: FloatArray
 
     def between(self, start_s: float, stop_s: float) -> "Motion":
         """Return the samples from `start_s` to `stop_s` after the first."""
         t_s = 1e-9 * (self.t_ns - self.t_ns[0])
         return self.of((t_s >= start_s) & (t_s < stop_s))
 
-    def of(self, chosen: NDArray[np.bool_]) -> "Motion":
+    def of(self, chosen: BoolArray) -> "Motion":
         """Return the chosen samples."""
         return Motion(self.t_ns[chosen], self.sf_B[chosen], self.w_B[chosen], self.R_WB[chosen])
 
@@ -91,30 +90,30 @@ def with_mpu6050_noise(
     return replace(motion, sf_B=sf_B + sf_bias_mps2 * rng.standard_normal(3), w_B=w_B)
 
 
-def tilt_errors_W(R_WB: Array, truth_R_WB: Array) -> Array:
+def tilt_errors_W(R_WB: FloatArray, truth_R_WB: FloatArray) -> FloatArray:
     """Return the horizontal part, (n, 2) in rad, of the small rotation in W from estimate to truth."""
     up_W = np.einsum("nij,nj->ni", R_WB, truth_R_WB[:, 2, :])
     angle = np.arctan2(np.hypot(up_W[:, 0], up_W[:, 1]), up_W[:, 2])
     scale = angle / np.maximum(np.sin(angle), 1e-12)
-    tilt: Array = np.stack((-up_W[:, 1], up_W[:, 0]), axis=1) * scale[:, np.newaxis]
+    tilt: FloatArray = np.stack((-up_W[:, 1], up_W[:, 0]), axis=1) * scale[:, np.newaxis]
     return tilt
 
 
-def _averaged(signal: Array, box: int) -> Array:
+def _averaged(signal: FloatArray, box: int) -> FloatArray:
     """Return the running mean over `box` − 1 steps, trapezoidal, centred."""
     weights = np.ones(box)
     weights[0] = weights[-1] = 0.5
-    averaged: Array = convolve1d(signal, weights / weights.sum(), axis=0)
+    averaged: FloatArray = convolve1d(signal, weights / weights.sum(), axis=0)
     return averaged
 
 
-def _ramp(t: Array, start: float, duration: float) -> Array:
+def _ramp(t: FloatArray, start: float, duration: float) -> FloatArray:
     x = np.clip((t - start) / duration, 0.0, 1.0)
-    ramp: Array = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    ramp: FloatArray = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
     return ramp
 
 
-def _sway(t: Array, frequency_hz: float, rng: np.random.Generator) -> Array:
+def _sway(t: FloatArray, frequency_hz: float, rng: np.random.Generator) -> FloatArray:
     parts = (np.sin(2.0 * math.pi * frequency_hz * k * t + rng.uniform(0.0, 6.28)) / k for k in (1.0, 1.7, 2.9))
-    sway: Array = np.sum(list(parts), axis=0)
+    sway: FloatArray = np.sum(list(parts), axis=0)
     return sway

@@ -3,19 +3,18 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.imu.chips import MPU6050_WHO_AM_I
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
 from messages import ImuSample
+from messages.arrays import FloatArray, IntArray
 from sim_rig.imu.chip_unit import SF_NOISE_DENSITY, W_NOISE_DENSITY, ChipUnit
 from sim_rig.imu.data_ready import SimulatedDataReady
 from sim_rig.imu.i2c_bus import I2cWires
 from sim_rig.imu.mpu6050_chip import Mpu6050Chip
 from sim_rig.imu.mpu6050_signal import Motion
 
-Floats = NDArray[np.float64]
 ADDRESS = 0x68
 NOISY = ChipUnit(sf_noise_density=SF_NOISE_DENSITY, w_noise_density=W_NOISE_DENSITY)
 
@@ -33,12 +32,12 @@ class SimulatedTime:
         self.now_ns += round(duration_s * 1e9)
 
 
-def still(t_ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def still(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
     """At rest, z up."""
     return np.tile([0.0, 0.0, 9.80665], (t_ns.size, 1)), np.zeros((t_ns.size, 3))
 
 
-def swaying(t_ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def swaying(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
     """About as lively as a walking hip, in every axis, at 0.7 to 1.3 Hz: never twice the same within a minute."""
     t = t_ns[:, None] * 1e-9
     phase = 2.0 * np.pi * np.array([0.7, 1.0, 1.3]) * t
@@ -129,7 +128,7 @@ class ImuBench:
         """Return the delay that the driver takes off."""
         return round(self.imu.filter_delay_s * 1e9)
 
-    def stamp_errors_s(self, samples: list[ImuSample]) -> Floats:
+    def stamp_errors_s(self, samples: list[ImuSample]) -> FloatArray:
         """Return how late (> 0) each stamp is against the nearest true sample instant."""
         stamps = np.array([sample.t_sample_ns for sample in samples]) + self.filter_delay_ns()
         edges = np.array(self.edges_ns)

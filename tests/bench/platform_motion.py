@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from impedance.body import geometry
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
 from impedance.identification.experiment import Multisine
 from impedance.identification.mechanism import UniversalJoint, level_rest
 from impedance.recording.recording import (
@@ -19,6 +19,7 @@ from impedance.recording.recording import (
     RateSettings,
     TareSettings,
 )
+from messages.arrays import FloatArray
 
 RATE_HZ = 350.0
 L_M = 0.12
@@ -79,7 +80,7 @@ def noisy(clean: PlatformRecording, seed: int) -> PlatformRecording:
             poses.p_m + 1e-4 * rng.standard_normal((n, 3)), poses.euler_rad + 1e-5 * rng.standard_normal((n, 3))
         )
 
-    wrench_std: Array = np.repeat((0.1, 0.05), 3)
+    wrench_std: FloatArray = np.repeat((0.1, 0.05), 3)
     return replace(
         clean,
         plate=seen(clean.plate),

@@ -9,7 +9,8 @@ import numpy as np
 
 from drivers.camera.side_by_side import V4l2StereoCamera
 from drivers.camera.v4l2_device import IoctlArgument, Kernel
-from messages import DepthImage, StereoFrame
+from messages import StereoFrame
+from messages.arrays import DepthImage
 from sim_rig.camera.v4l2_node import DepthScene, ManualClock, Mode, V4l2Node, stepping_card
 
 WIDTH, HEIGHT = 64, 32

@@ -10,8 +10,9 @@ from benchmarks.baseline_models import Case, parameters_fitted, process_regresse
 from benchmarks.explain_baselines import JudgedCase
 from discrepancy.evidence.gain import nrmse
 from discrepancy.problem import Problem
-from discrepancy.simulation import Channels, Effect, FloatArray, Parameter, Values
+from discrepancy.simulation import Channels, Effect, Parameter, Values
 from lab.hidden.case import Kind
+from messages.arrays import FloatArray
 
 RATE_HZ, SAMPLES, NOISE_N = 200.0, 2400, 0.02
 DELAY_S, GAIN, BIAS_N, CUBE = 0.004, 0.06, 0.3, 0.08

@@ -3,16 +3,14 @@ data."""
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.bicycle_inertia import BICYCLES, compared, raw_period
 from benchmarks.kuka_inertia import JOINTS, Joint, Run, columns, identified, judged, read_arm, read_run, splits, told
 from impedance.body.pendulum import centre_of_pairs
 from impedance.body.physical import is_consistent
+from messages.arrays import FloatArray
 from tests.bench.data_folder import shared_data
-
-Array = NDArray[np.float64]
 
 
 @pytest.mark.parametrize("name", BICYCLES)
@@ -70,7 +68,7 @@ def test_the_arms_columns_are_its_energy_balance() -> None:
         np.testing.assert_allclose(gravity[:, joint], slope, atol=1e-6)
 
 
-def _potential(joints: list[Joint], q: Array) -> Array:
+def _potential(joints: list[Joint], q: FloatArray) -> FloatArray:
     energy = np.zeros(len(q))
     for row, angles in enumerate(q):
         R, p = np.eye(3), np.zeros(3)

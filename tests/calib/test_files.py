@@ -7,7 +7,6 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.files import (
@@ -29,6 +28,7 @@ from messages import (
     matrix3,
     vec3,
 )
+from messages.arrays import FloatArray
 
 IDENTITY = matrix3(np.eye(3))
 DOCUMENT = """
@@ -79,7 +79,7 @@ def within(limit: float) -> st.SearchStrategy[float]:
 
 
 @st.composite
-def rotations(draw: st.DrawFn, largest_rad: float = math.pi) -> NDArray[np.float64]:
+def rotations(draw: st.DrawFn, largest_rad: float = math.pi) -> FloatArray:
     axis = np.array([draw(within(1.0)) for _ in range(3)])
     norm = float(np.linalg.norm(axis))
     angle = draw(st.floats(0.0, largest_rad))
@@ -106,8 +106,8 @@ def calibrations(draw: st.DrawFn) -> Calibration:
     width_px, height_px = draw(st.integers(16, 8192)), draw(st.integers(16, 8192))
     baseline_m = draw(st.floats(0.021, 0.49))
 
-    def near_identity() -> NDArray[np.float64]:
-        deviation: NDArray[np.float64] = np.array([[draw(within(0.0999)) for _ in range(3)] for _ in range(3)])
+    def near_identity() -> FloatArray:
+        deviation: FloatArray = np.array([[draw(within(0.0999)) for _ in range(3)] for _ in range(3)])
         return deviation + np.eye(3)
 
     return Calibration(

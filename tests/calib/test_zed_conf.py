@@ -7,17 +7,15 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.files import CalibrationError, load_calibration, parse_calibration, save_calibration
 from calib.nominal import NOMINAL_RESIDUAL, uncalibrated_unit
 from calib.zed_conf import ZED_MODES, load_zed_conf, with_factory_pair
 from messages import StereoCalibration
+from messages.arrays import FloatArray
 from perception.depth.rectify import Rectifier
 from tests.bench.data_folder import shared_data
-
-FloatArray = NDArray[np.float64]
 
 LEFT = {"fx": 701.88, "fy": 701.7, "cx": 641.285, "cy": 344.1835, "k1": -0.175, "k2": 0.028, "p1": 6e-5, "p2": -1.5e-4}
 RIGHT = {"fx": 700.965, "fy": 701.11, "cx": 633.515, "cy": 359.3135, "k1": -0.173, "k2": 0.027, "p1": 2e-4, "p2": 1e-5}

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.files import save_calibration
 from daemon.config import CameraConfig, Configuration, ImuConfig, format_configuration
 from daemon.publish_zenoh import ZenohSettings
 from drivers.can.bus import CanInterface, CanSettings
-from messages import GreyImage
+from messages.arrays import FloatArray, GreyImage, IntArray
 from sim_rig.kernel.chip_server import INTERRUPT_LINE, gpio_chip_path
 from sim_rig.unit import draw_unit
 from tests.bench.zenoh_peer import free_endpoint
@@ -42,7 +41,7 @@ class Wearable:
         exact = unit.exact_calibration()
         self._calibration = msgspec.structs.replace(exact, stereo=shrunk_stereo(exact.stereo))
 
-        def motion(t_ns: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        def motion(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
             return np.tile(sf_B, (t_ns.size, 1)), np.zeros((t_ns.size, 3))
 
         self.chip = KernelChip(motion, unit.chip)

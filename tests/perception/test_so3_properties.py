@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from messages import Quaternion, Vec3
 from perception import so3
-
-Array = NDArray[np.float64]
 
 components = st.floats(-1.0, 1.0)
 vectors = st.tuples(components, components, components)

@@ -10,15 +10,13 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from lab.hidden.case import Case, Kind, Sizes, TrueCause, Truth, log_uniform, sign
 from lab.hidden.imu.motion import Curve, Motion, hand_moved, swung
 from lab.hidden.imu.sensor import Unit, readings
-
-Array = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 SIZES: Final[Mapping[str, Sizes]] = {
     "time_offset": Sizes(5e-4, 2e-2, "s"),
@@ -176,7 +174,7 @@ def _drawn_effect(
     vector = _axis_values(size, random)
     axes = np.flatnonzero(vector)
 
-    def told(form: str, values: Array = vector) -> dict[str, float]:
+    def told(form: str, values: FloatArray = vector) -> dict[str, float]:
         return {form.format(_AXES[k]): float(values[k]) for k in axes}
 
     if name in OUTSIDE:
@@ -221,13 +219,13 @@ def _drawn_effect(
     return {key: vector}, told(form)
 
 
-def _axis_values(size: float, random: np.random.Generator) -> Array:
+def _axis_values(size: float, random: np.random.Generator) -> FloatArray:
     """Return `size` with either sign on one axis, or sizes down to half of it on all three."""
     if random.random() < 0.5:
         shares = sign(random) * np.eye(3)[int(random.integers(3))]
     else:
         shares = random.choice((-1.0, 1.0), 3) * random.permutation((1.0, random.uniform(0.5, 1.0), 0.5))
-    values: Array = size * shares
+    values: FloatArray = size * shares
     return values
 
 
@@ -279,7 +277,7 @@ def _write_one(
     return altered
 
 
-def _held(read: Array, share: float, random: np.random.Generator) -> Array:
+def _held(read: FloatArray, share: float, random: np.random.Generator) -> FloatArray:
     """Return the readings with bursts of 20 to 80 samples, `share` of all, frozen at the last value before them."""
     read = read.copy()
     for _ in range(max(1, round(share * len(read) / 50.0))):
@@ -288,15 +286,15 @@ def _held(read: Array, share: float, random: np.random.Generator) -> Array:
     return read
 
 
-def _coloured(random: np.random.Generator, shape: tuple[int, int], room: _Room) -> Array:
+def _coloured(random: np.random.Generator, shape: tuple[int, int], room: _Room) -> FloatArray:
     """Return noise of unit deviation, white but for a part that `colour` weighs and `correlation_s` makes slow."""
     memory = float(np.exp(-1.0 / (room.correlation_s * room.rate_hz)))
     slow = lfilter((np.sqrt(1.0 - memory**2),), (1.0, -memory), random.standard_normal(shape), axis=0)
-    found: Array = (random.standard_normal(shape) + room.colour * slow) / np.hypot(1.0, room.colour)
+    found: FloatArray = (random.standard_normal(shape) + room.colour * slow) / np.hypot(1.0, room.colour)
     return found
 
 
-def _seen(curve: Curve, unit: Unit, room: _Room, seconds: float, random: np.random.Generator) -> Array:
+def _seen(curve: Curve, unit: Unit, room: _Room, seconds: float, random: np.random.Generator) -> FloatArray:
     """Return the reference's rows (m, 8): noisy, and without what the cameras lost."""
     count = int(seconds * room.reference_hz)
     t_s = np.arange(count) / room.reference_hz
@@ -311,5 +309,5 @@ def _seen(curve: Curve, unit: Unit, room: _Room, seconds: float, random: np.rand
     return rows
 
 
-def _save(path: Path, header: str, rows: Array) -> None:
+def _save(path: Path, header: str, rows: FloatArray) -> None:
     np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=header, comments="")

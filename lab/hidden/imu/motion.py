@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
-Curve = Callable[[Array, int], Array]
+from messages.arrays import FloatArray
+
+Curve = Callable[[FloatArray, int], FloatArray]
 """Six coordinates (n, 6), or their derivative of the order given, at times (n,)."""
 
 _DEGREE: Final = 6
@@ -30,17 +30,17 @@ class Motion:
 
     curve: Curve
     gravity_mps2: float
-    arm_m: Array
+    arm_m: FloatArray
 
-    def attitude(self, t_s: Array) -> Rotation:
+    def attitude(self, t_s: FloatArray) -> Rotation:
         """Return sensor to world."""
         return Rotation.from_euler("ZYX", self.curve(t_s, 0)[:, :3])
 
-    def reference_position(self, t_s: Array) -> Array:
+    def reference_position(self, t_s: FloatArray) -> FloatArray:
         """Return the point (n, 3) that the cameras follow."""
         return self.curve(t_s, 0)[:, 3:]
 
-    def turning(self, t_s: Array) -> Array:
+    def turning(self, t_s: FloatArray) -> FloatArray:
         """Return the rates (n, 3) about the sensor's axes."""
         _, pitch, roll = self.curve(t_s, 0)[:, :3].T
         d_yaw, d_pitch, d_roll = self.curve(t_s, 1)[:, :3].T
@@ -52,11 +52,11 @@ class Motion:
             )
         )
 
-    def turning_change(self, t_s: Array) -> Array:
+    def turning_change(self, t_s: FloatArray) -> FloatArray:
         """Return the derivative (n, 3) of the rates, by seven points."""
         return self._stencilled(self.turning, _FIRST / _STENCIL_S, t_s)
 
-    def specific_force(self, t_s: Array, arm_m: Array | None = None) -> Array:
+    def specific_force(self, t_s: FloatArray, arm_m: FloatArray | None = None) -> FloatArray:
         """Return what an accelerometer reads (n, 3) that sits at `arm_m` (3,) from the followed point."""
         acceleration = self.curve(t_s, 2)[:, 3:] + np.array((0.0, 0.0, self.gravity_mps2))
         arm = self.arm_m if arm_m is None else arm_m
@@ -64,11 +64,11 @@ class Motion:
             acceleration = acceleration + self._stencilled(
                 lambda t: self.attitude(t).apply(arm), _SECOND / _STENCIL_S**2, t_s
             )
-        force: Array = self.attitude(t_s).apply(acceleration, inverse=True)
+        force: FloatArray = self.attitude(t_s).apply(acceleration, inverse=True)
         return force
 
     @staticmethod
-    def _stencilled(function: Callable[[Array], Array], weights: Array, t_s: Array) -> Array:
+    def _stencilled(function: Callable[[FloatArray], FloatArray], weights: FloatArray, t_s: FloatArray) -> FloatArray:
         total = np.zeros((len(t_s), 3))
         for k, weight in enumerate(weights):
             if weight:
@@ -92,8 +92,8 @@ def hand_moved(random: np.random.Generator, seconds: float, swing: float) -> Cur
         parts.append(BSpline(knots, points, _DEGREE))
     rest = np.concatenate((random.uniform(-0.5, 0.5, 3), random.uniform(-0.3, 0.3, 3)))
 
-    def curve(t_s: Array, order: int) -> Array:
-        total: Array = sum((part(t_s, nu=order) for part in parts), np.zeros((len(t_s), 6)))
+    def curve(t_s: FloatArray, order: int) -> FloatArray:
+        total: FloatArray = sum((part(t_s, nu=order) for part in parts), np.zeros((len(t_s), 6)))
         return total + rest if order == 0 else total
 
     return curve
@@ -108,7 +108,7 @@ def swung(random: np.random.Generator, swing: float) -> Curve:
     phase = random.uniform(0.0, 2.0 * np.pi, (14, 6))
     rest = np.concatenate((random.uniform(-0.5, 0.5, 3), random.uniform(-0.3, 0.3, 3)))
 
-    def curve(t_s: Array, order: int) -> Array:
+    def curve(t_s: FloatArray, order: int) -> FloatArray:
         total = np.zeros((len(t_s), 6))
         for w_k, a_k, phase_k in zip(w, amplitude, phase, strict=True):
             total += a_k * w_k**order * np.cos(w_k * t_s[:, None] + phase_k + 0.5 * np.pi * order)

@@ -8,14 +8,12 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, lfilter, lsim
 from scipy.spatial.transform import Rotation
 
 from lab.hidden.imu.motion import Curve, Motion
-
-Array = NDArray[np.float64]
+from messages.arrays import FloatArray
 
 _FINER: Final = 8
 _MARGIN_S: Final = 1.0
@@ -29,25 +27,25 @@ class Unit:
 
     late_s: float = 0.0
     fast: float = 0.0
-    w_matrix: Array = field(default_factory=lambda: np.eye(3))
-    sf_matrix: Array = field(default_factory=lambda: np.eye(3))
-    w_bias_radps: Array = field(default_factory=lambda: np.zeros(3))
-    w_drift_radps2: Array = field(default_factory=lambda: np.zeros(3))
-    w_per_sf: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    w_per_degC: Array = field(default_factory=lambda: np.zeros(3))
-    sf_bias_mps2: Array = field(default_factory=lambda: np.zeros(3))
-    arm_m: Array = field(default_factory=lambda: np.zeros(3))
-    turned_rad: Array = field(default_factory=lambda: np.zeros(3))
+    w_matrix: FloatArray = field(default_factory=lambda: np.eye(3))
+    sf_matrix: FloatArray = field(default_factory=lambda: np.eye(3))
+    w_bias_radps: FloatArray = field(default_factory=lambda: np.zeros(3))
+    w_drift_radps2: FloatArray = field(default_factory=lambda: np.zeros(3))
+    w_per_sf: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    w_per_degC: FloatArray = field(default_factory=lambda: np.zeros(3))
+    sf_bias_mps2: FloatArray = field(default_factory=lambda: np.zeros(3))
+    arm_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+    turned_rad: FloatArray = field(default_factory=lambda: np.zeros(3))
     gravity_mps2: float = 9.80665
     w_limit_radps: float = np.inf
     sf_limit_mps2: float = np.inf
     cut_off_hz: tuple[float, float] = (np.inf, np.inf)  # of gyroscope and accelerometer
-    mount_hz: Array = field(default_factory=lambda: np.full(3, np.inf))
+    mount_hz: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
     mount_damping: float = 0.1
     outside: tuple[str, float, int] = ("", 0.0, 0)  # mechanism, size, axis
 
 
-def readings(unit: Unit, curve: Curve, stamps_s: Array, degC: Array) -> Array:
+def readings(unit: Unit, curve: Curve, stamps_s: FloatArray, degC: FloatArray) -> FloatArray:
     """Return what a unit reads (n, 6) without noise at its stamps."""
     t_s = (stamps_s - stamps_s[0] - unit.late_s) / (1.0 + unit.fast) + stamps_s[0]
     motion = Motion(curve, unit.gravity_mps2, unit.arm_m)
@@ -64,14 +62,14 @@ def readings(unit: Unit, curve: Curve, stamps_s: Array, degC: Array) -> Array:
     return y
 
 
-def _static(unit: Unit, w: Array, sf: Array) -> Array:
+def _static(unit: Unit, w: FloatArray, sf: FloatArray) -> FloatArray:
     seat = Rotation.from_rotvec(unit.turned_rad)
     w, sf = seat.apply(w), seat.apply(sf)
     w = w @ unit.w_matrix.T + sf @ unit.w_per_sf.T + unit.w_bias_radps
     return np.hstack((w, sf @ unit.sf_matrix.T + unit.sf_bias_mps2))
 
 
-def _dynamic(unit: Unit, motion: Motion, t_s: Array) -> Array:
+def _dynamic(unit: Unit, motion: Motion, t_s: FloatArray) -> FloatArray:
     """Return the readings on a dense grid: the mount's oscillator first, the sensor's own filter last."""
     w, sf = motion.turning(t_s), motion.specific_force(t_s)
     since_s = t_s - t_s[0]
@@ -89,7 +87,7 @@ def _dynamic(unit: Unit, motion: Motion, t_s: Array) -> Array:
     return y
 
 
-def _outside(name: str, size: float, axis: int, y: Array, motion: Motion, t_s: Array) -> Array:
+def _outside(name: str, size: float, axis: int, y: FloatArray, motion: Motion, t_s: FloatArray) -> FloatArray:
     """Return the readings with a mechanism that no library holds."""
     other, third = (axis + 1) % 3, (axis + 2) % 3
     if name == "axis_skew":
@@ -117,7 +115,7 @@ def _outside(name: str, size: float, axis: int, y: Array, motion: Motion, t_s: A
     return y
 
 
-def _play(x: Array, width: float) -> Array:
+def _play(x: FloatArray, width: float) -> FloatArray:
     """Return what follows `x` (n,) with a play of `width` in all."""
     out, held = np.empty_like(x), float(x[0])
     for k, value in enumerate(x.tolist()):

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
 from lab.hidden.case import Sizes, log_uniform, sign
+from messages.arrays import FloatArray
 
 CHANNELS: Final = ("fx", "fy", "fz", "tx", "ty", "tz")
 _AXES: Final = ("z", "x")
@@ -27,21 +27,21 @@ class Hidden:
     drift: float = 0.0
     smoothing_hz: float = np.inf
     jumps: bool = False
-    matrix: Array = field(default_factory=lambda: np.eye(6))
+    matrix: FloatArray = field(default_factory=lambda: np.eye(6))
     height_m: float = 0.0
-    turn_rad: Array = field(default_factory=lambda: np.zeros(3))
-    foot_marker_m: Array = field(default_factory=lambda: np.zeros(3))
-    joint_m: Array = field(default_factory=lambda: np.zeros(3))
-    spring_nmprad: Array = field(default_factory=lambda: np.zeros(2))
-    damper_nmsprad: Array = field(default_factory=lambda: np.zeros(2))
-    friction_nm: Array = field(default_factory=lambda: np.zeros(2))
-    masses: tuple[tuple[float, Array], ...] = ()
+    turn_rad: FloatArray = field(default_factory=lambda: np.zeros(3))
+    foot_marker_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+    joint_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+    spring_nmprad: FloatArray = field(default_factory=lambda: np.zeros(2))
+    damper_nmsprad: FloatArray = field(default_factory=lambda: np.zeros(2))
+    friction_nm: FloatArray = field(default_factory=lambda: np.zeros(2))
+    masses: tuple[tuple[float, FloatArray], ...] = ()
     play: tuple[int, float] | None = None
     limit: tuple[int, float] | None = None
     tape_hz: tuple[float, float] = (np.inf, np.inf)
     tape_zeta: float = 0.0
     tape_seen: float = 1.0
-    tare: Array = field(default_factory=lambda: np.zeros(6))
+    tare: FloatArray = field(default_factory=lambda: np.zeros(6))
     step: tuple[float, float] = (0.0, 0.0)
     lost_share: float = 0.0
     position_scale: float = 0.0

@@ -8,13 +8,14 @@ from typing import Final
 
 import numpy as np
 
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
 from impedance.recording.recording import PlatformRecording, Truth
 from lab.hidden.platform.drawn import CHANNELS, together
 from lab.hidden.platform.laboratory import mechanics_of, recorded, reference_of
 from lab.hidden.platform.mechanics import ran
 from lab.hidden.platform.noise import PlateNoise
 from lab.hidden.platform.scene import SPAN_NM, Scene, stepped
+from messages.arrays import FloatArray
 from messages.errors import UserError
 from sim_rig.platform.rig import FOOT, PLATE, Rig
 
@@ -150,7 +151,7 @@ def _of_channel(field: str) -> Mechanism:
 
 
 def _matrix(values: Named) -> dict[str, object]:
-    matrix: Array = np.eye(6)
+    matrix: FloatArray = np.eye(6)
     for name, share in values.items():
         of, _, source = name.partition("_from_")
         matrix[CHANNELS.index(of), CHANNELS.index(source or of)] += share

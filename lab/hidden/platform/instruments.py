@@ -7,46 +7,46 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, firwin, lfilter, sosfiltfilt, upfirdn
 
-from impedance.body.rigid_body import Array
 from lab.hidden.platform.mechanics import OVERSAMPLING, RATE_HZ, SETTLE_S, STEP_S
+from messages.arrays import FloatArray
 
 _ANTI_ALIAS_TAPS: Final = 401
 _ANTI_ALIAS_HZ: Final = 145.0
 _PRESLIDING_RAD: Final = 2e-5
 
 
-def sampled(fine: Array, count: int, *, raw: bool = False) -> Array:
+def sampled(fine: FloatArray, count: int, *, raw: bool = False) -> FloatArray:
     """Return `count` samples (c, n) at 350 Hz from zero on, behind a linear-phase low pass, or without it if `raw`."""
     first = round(SETTLE_S / STEP_S)
     if raw:
         return fine[:, first::OVERSAMPLING][:, :count]
     half = _ANTI_ALIAS_TAPS // 2
     taps = firwin(_ANTI_ALIAS_TAPS, _ANTI_ALIAS_HZ, window=("kaiser", 8.0), fs=1.0 / STEP_S)
-    kept: Array = upfirdn(taps, fine[:, first - half :], down=OVERSAMPLING, axis=1)
+    kept: FloatArray = upfirdn(taps, fine[:, first - half :], down=OVERSAMPLING, axis=1)
     skipped = 2 * half // OVERSAMPLING
     return kept[:, skipped : skipped + count]
 
 
-def warped(fine: Array, t_s: Array, at_s: Callable[[Array], Array]) -> Array:
+def warped(fine: FloatArray, t_s: FloatArray, at_s: Callable[[FloatArray], FloatArray]) -> FloatArray:
     """Return values (c, n), known at `t_s`, at the times that `at_s` makes of those: a cubic spline between them."""
-    found: Array = CubicSpline(t_s, fine, axis=1)(np.clip(at_s(t_s), t_s[0], t_s[-1]))
+    found: FloatArray = CubicSpline(t_s, fine, axis=1)(np.clip(at_s(t_s), t_s[0], t_s[-1]))
     return found
 
 
-def lagging(fine: Array, lag_s: float) -> Array:
+def lagging(fine: FloatArray, lag_s: float) -> FloatArray:
     """Return values (c, n) behind a first-order lag: lag y' = x − y by the trapezoidal rule."""
     a = 2.0 * lag_s / STEP_S
-    y: Array = lfilter([1.0, 1.0], [1.0 + a, 1.0 - a], fine, axis=1)
+    y: FloatArray = lfilter([1.0, 1.0], [1.0 + a, 1.0 - a], fine, axis=1)
     return y
 
 
-def smoothed(poses: Array, cutoff_hz: float) -> Array:
+def smoothed(poses: FloatArray, cutoff_hz: float) -> FloatArray:
     """Return poses (c, n) at 350 Hz behind a Butterworth filter of second order, run forth and back."""
-    y: Array = sosfiltfilt(butter(2, cutoff_hz, fs=RATE_HZ, output="sos"), poses, axis=1)
+    y: FloatArray = sosfiltfilt(butter(2, cutoff_hz, fs=RATE_HZ, output="sos"), poses, axis=1)
     return y
 
 
-def followed(x: Array, play: float) -> Array:
+def followed(x: FloatArray, play: float) -> FloatArray:
     """Return what a part (n,) does that is moved through a play, step by step."""
     place, half = float(x[0]), 0.5 * play
     way = []
@@ -59,7 +59,7 @@ def followed(x: Array, play: float) -> Array:
     return np.array(way)
 
 
-def rubbed(angle_rad: Array, friction_nm: float) -> Array:
+def rubbed(angle_rad: FloatArray, friction_nm: float) -> FloatArray:
     """Return the moment (n,) that dry friction takes: a spring that slips at `friction_nm`, stiff before it does."""
     slip = angle_rad - followed(angle_rad, 2.0 * _PRESLIDING_RAD)
     return friction_nm * slip / _PRESLIDING_RAD

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
 from impedance.recording.recording import (
     FootSettings,
     NoiseSettings,
@@ -25,17 +24,18 @@ from lab.hidden.platform.mechanics import RATE_HZ, Fine, Mechanics
 from lab.hidden.platform.noise import PlateNoise
 from lab.hidden.platform.outside import at_markers, at_sensor
 from lab.hidden.platform.scene import Scene
+from messages.arrays import FloatArray
 
 
 @dataclass(frozen=True)
 class Reference:
     """What the fit recording tells of each channel, noise-free: standard deviation and largest value (6,)."""
 
-    deviation: Array
-    largest: Array
+    deviation: FloatArray
+    largest: FloatArray
 
     @property
-    def scale(self) -> Array:
+    def scale(self) -> FloatArray:
         """Return how large (6,) a channel is: its deviation, or a quarter of its largest value under a weight."""
         return np.maximum(self.deviation, 0.25 * self.largest)
 
@@ -92,7 +92,7 @@ def recorded(
 
 def _poses(
     unit: Scene, hidden: Hidden, mechanics: Mechanics, fine: Fine, random: np.random.Generator, count: int
-) -> Array:
+) -> FloatArray:
     """Return the poses (6 or 12, n) that motion capture writes."""
     shown = replace(fine, tape_rad=hidden.tape_seen * fine.tape_rad)
     plate, foot = shown.poses(mechanics)
@@ -108,7 +108,9 @@ def _poses(
     return smoothed(poses, hidden.smoothing_hz) if np.isfinite(hidden.smoothing_hz) else poses
 
 
-def _felt(hidden: Hidden, mechanics: Mechanics, fine: Fine, reference: Reference, random: np.random.Generator) -> Array:
+def _felt(
+    hidden: Hidden, mechanics: Mechanics, fine: Fine, reference: Reference, random: np.random.Generator
+) -> FloatArray:
     """Return the tared wrench (6, n) that leaves the amplifier, 3500 a second."""
     wrench = fine.wrench - mechanics.tared[:, None] + mechanics.read(_straps(hidden, fine))
     wrench = hidden.matrix @ wrench
@@ -126,7 +128,7 @@ def _felt(hidden: Hidden, mechanics: Mechanics, fine: Fine, reference: Reference
     return wrench
 
 
-def _straps(hidden: Hidden, fine: Fine) -> Array:
+def _straps(hidden: Hidden, fine: Fine) -> FloatArray:
     """Return what springs, dampers and friction ask of the sensor (6, n), in P: moments about I's Z and P's X."""
     moments = [
         hidden.spring_nmprad[k] * fine.angles_rad[k]
@@ -139,7 +141,7 @@ def _straps(hidden: Hidden, fine: Fine) -> Array:
     return np.stack((none, none, none, moments[1], moments[0] * np.sin(phi), moments[0] * np.cos(phi)))
 
 
-def _converted(hidden: Hidden, reference: Reference, wrench: Array, random: np.random.Generator) -> Array:
+def _converted(hidden: Hidden, reference: Reference, wrench: FloatArray, random: np.random.Generator) -> FloatArray:
     """Return what converter and recorder make of samples (6, n)."""
     wrench = wrench + hidden.tare[:, None]
     if hidden.limit is not None:

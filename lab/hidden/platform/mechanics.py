@@ -9,7 +9,8 @@ import numpy as np
 from mujoco import rollout
 
 from impedance.body import geometry
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
+from messages.arrays import FloatArray
 from sim_rig.platform.model import DRIVE_HZ, drive_body, drive_spring, inertial, numbers
 from sim_rig.platform.rig import Rig
 
@@ -20,7 +21,7 @@ SETTLE_S: Final = 1.0
 _RIG: Final = Rig()
 _SAME_NM: Final = 1e-6
 
-Torques = Callable[[Array], Array]
+Torques = Callable[[FloatArray], FloatArray]
 """From times (n,) in s to torques (n, 2) in N·m about I's Z and P's X."""
 
 
@@ -36,24 +37,24 @@ class Mechanics:
 
     plate: Inertia
     foot: Inertia | None
-    foot_origin_m: Array
-    lever_m: Array
-    sensor_m: Array
-    sensor_turn_rad: Array
-    hidden: tuple[tuple[float, Array], ...] = ()
+    foot_origin_m: FloatArray
+    lever_m: FloatArray
+    sensor_m: FloatArray
+    sensor_turn_rad: FloatArray
+    hidden: tuple[tuple[float, FloatArray], ...] = ()
     tape_hz: tuple[float, float] = (np.inf, np.inf)
     tape_zeta: float = 0.0
     jumps: bool = False
 
     @property
-    def tared(self) -> Array:
+    def tared(self) -> FloatArray:
         """Return what the sensor reads (6,) of plate and hidden masses, level and at rest."""
         loads = [(self.plate.mass_kg, self.plate.cog_m), *self.hidden]
         force = np.array([0.0, 9.81 * sum(mass for mass, _ in loads), 0.0])
         moment = sum((np.cross(place, [0.0, 9.81 * mass, 0.0]) for mass, place in loads), np.zeros(3))
         return self.read(np.concatenate((force, moment))[:, None])[:, 0]
 
-    def read(self, wrench: Array) -> Array:
+    def read(self, wrench: FloatArray) -> FloatArray:
         """Return what the sensor makes of a wrench (6, n) in P about P's origin."""
         R_SP = _rotation(self.sensor_turn_rad).T
         about = wrench[3:] - np.cross(self.sensor_m, wrench[:3].T).T
@@ -68,13 +69,13 @@ class Fine:
     the `wrench` (6, n) that the sensor felt, its tare not yet taken off.
     """
 
-    t_s: Array
-    angles_rad: Array
-    rates_radps: Array
-    tape_rad: Array
-    wrench: Array
+    t_s: FloatArray
+    angles_rad: FloatArray
+    rates_radps: FloatArray
+    tape_rad: FloatArray
+    wrench: FloatArray
 
-    def poses(self, mechanics: Mechanics) -> tuple[Array, Array]:
+    def poses(self, mechanics: Mechanics) -> tuple[FloatArray, FloatArray]:
         """Return positions and Euler angles of plate and foot in I, each (12, n) and (6, n) if there is no foot."""
         none = np.zeros_like(self.t_s)
         R_IP = geometry.rotation_IP(none, *self.angles_rad)
@@ -98,7 +99,7 @@ def ran(mechanics: Mechanics, torques: Torques, duration_s: float) -> Fine:
     mujoco.mj_getState(model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     torque_nm = torques(t_s + 0.5 * STEP_S)
     _, sensors = rollout.rollout(model, data, start, torque_nm[None])
-    rows: Array = np.ascontiguousarray(sensors[0].T)
+    rows: FloatArray = np.ascontiguousarray(sensors[0].T)
     if mechanics.jumps:
         _before_jumps(rows[4:10], torque_nm)
     tape = np.zeros((2, steps))
@@ -110,7 +111,7 @@ def ran(mechanics: Mechanics, torques: Torques, duration_s: float) -> Fine:
     return Fine(t_s, rows[:2], rows[2:4], tape, rows[4:10])
 
 
-def _before_jumps(wrench: Array, torque_nm: Array) -> None:
+def _before_jumps(wrench: FloatArray, torque_nm: FloatArray) -> None:
     """Let the wrench (6, n) at the beginning of a step in which the torque jumps be what it was until then.
 
     The step is driven by the mean of both torques, as the motion at its end asks; its beginning knows only the first.
@@ -182,14 +183,14 @@ def _foot(m: Mechanics) -> str:
     return f'<body name="foot">{joints}{inertial(own)}</body>'
 
 
-def _quaternion(turn_rad: Array) -> tuple[float, ...]:
+def _quaternion(turn_rad: FloatArray) -> tuple[float, ...]:
     angle = float(np.linalg.norm(turn_rad))
     if angle == 0.0:
         return (1.0, 0.0, 0.0, 0.0)
     return (float(np.cos(0.5 * angle)), *(np.sin(0.5 * angle) / angle * turn_rad).tolist())
 
 
-def _rotation(turn_rad: Array) -> Array:
+def _rotation(turn_rad: FloatArray) -> FloatArray:
     w, x, y, z = _quaternion(turn_rad)
     return np.array(
         [

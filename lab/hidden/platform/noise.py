@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from impedance.body.rigid_body import Array
+from messages.arrays import FloatArray
 
 _RESONANCES_HZ: Final = (23.0, 29.3, 32.7, 40.2, 48.0)
 _WIDTH_HZ: Final = 1.5
@@ -32,7 +32,7 @@ class PlateNoise:
         self._lines = random.exponential(1.0, (channels, _LINES))
         self._signs = random.choice((-1.0, 1.0), channels)
 
-    def record(self, samples: int, rate_hz: float, random: np.random.Generator) -> Array:
+    def record(self, samples: int, rate_hz: float, random: np.random.Generator) -> FloatArray:
         """Return a record (c, n), each channel of unit standard deviation."""
         f_hz = np.fft.rfftfreq(samples, 1.0 / rate_hz)
         bumps = np.exp(-0.5 * ((f_hz[None] - np.array(_RESONANCES_HZ)[:, None]) / _WIDTH_HZ) ** 2)
@@ -44,7 +44,7 @@ class PlateNoise:
         t_s = np.arange(samples) / rate_hz
         phases = random.uniform(0.0, 2.0 * np.pi, _LINES)
         lines = self._lines @ np.cos(2.0 * np.pi * self._lines_hz[:, None] * t_s + phases[:, None])
-        unit: Array = np.sqrt(1.0 - _LINES_SHARE) * colour / np.sqrt(density.mean(axis=1, keepdims=True))
+        unit: FloatArray = np.sqrt(1.0 - _LINES_SHARE) * colour / np.sqrt(density.mean(axis=1, keepdims=True))
         power = 0.5 * (self._lines**2).sum(axis=1, keepdims=True)
-        record: Array = unit + np.sqrt(_LINES_SHARE / power) * lines
+        record: FloatArray = unit + np.sqrt(_LINES_SHARE / power) * lines
         return record

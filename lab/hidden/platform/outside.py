@@ -8,8 +8,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from impedance.body.rigid_body import Array
 from lab.hidden.platform.mechanics import RATE_HZ, STEP_S
+from messages.arrays import FloatArray
 
 _MAINS_HZ: Final = 50.0
 _CREEP_S: Final = 0.4
@@ -22,12 +22,14 @@ _BENT_CHANNELS: Final = np.array([1.0, 0.0, 1.0, 1.0, 0.0, 1.0])
 class _Load:
     """A tared wrench (6, n) at `t_s` (n,), 3500 a second, and how large (6, 1) those of the fit recording are."""
 
-    t_s: Array
-    wrench: Array
-    scale: Array
+    t_s: FloatArray
+    wrench: FloatArray
+    scale: FloatArray
 
 
-def at_sensor(name: str, size: float, t_s: Array, wrench: Array, scale: Array, random: np.random.Generator) -> Array:
+def at_sensor(
+    name: str, size: float, t_s: FloatArray, wrench: FloatArray, scale: FloatArray, random: np.random.Generator
+) -> FloatArray:
     """Return what becomes of a tared wrench (6, n) at `t_s`, 3500 a second.
 
     `scale` (6,) is how large the fit recording's channels are, the same for both recordings of a unit.
@@ -36,39 +38,39 @@ def at_sensor(name: str, size: float, t_s: Array, wrench: Array, scale: Array, r
     return wrench if change is None else wrench + change(size, _Load(t_s, wrench, scale[:, None]), random)
 
 
-def at_markers(name: str, size: float, poses: Array) -> Array:
+def at_markers(name: str, size: float, poses: FloatArray) -> FloatArray:
     """Return what becomes of the plate's poses (6, n) at 350 Hz: with a wobble, its angles ring at `size` Hz."""
     if name != "marker_wobble":
         return poses
     w = 2.0 * RATE_HZ * np.tan(np.pi * size / RATE_HZ)
     k, d = 4.0 * RATE_HZ**2, 4.0 * RATE_HZ * _WOBBLE_ZETA * w
     denominator = [k + d + w**2, 2.0 * (w**2 - k), k - d + w**2]
-    changed: Array = poses.copy()
+    changed: FloatArray = poses.copy()
     level = poses[4:, :1]
     changed[4:] = level + lfilter([d + w**2, 2.0 * w**2, w**2 - d], denominator, poses[4:] - level, axis=1)
     return changed
 
 
-def _hum(size: float, load: _Load, random: np.random.Generator) -> Array:
+def _hum(size: float, load: _Load, random: np.random.Generator) -> FloatArray:
     """Hum of the mains that grows with the load of the channel."""
     phase = random.uniform(0.0, 2.0 * np.pi)
-    hum: Array = size * load.wrench * np.sin(2.0 * np.pi * _MAINS_HZ * load.t_s + phase)
+    hum: FloatArray = size * load.wrench * np.sin(2.0 * np.pi * _MAINS_HZ * load.t_s + phase)
     return hum
 
 
-def _warming(size: float, load: _Load, _: np.random.Generator) -> Array:
+def _warming(size: float, load: _Load, _: np.random.Generator) -> FloatArray:
     """Gain of all channels that follows the amplifier's temperature, in one direction."""
     return size * load.wrench * (load.t_s / 60.0)
 
 
-def _creep(size: float, load: _Load, _: np.random.Generator) -> Array:
+def _creep(size: float, load: _Load, _: np.random.Generator) -> FloatArray:
     """Load cells that give way slowly under load."""
     decay = np.exp(-STEP_S / _CREEP_S)
-    crept: Array = lfilter([size * (1.0 - decay)], [1.0, -decay], load.wrench, axis=1)
+    crept: FloatArray = lfilter([size * (1.0 - decay)], [1.0, -decay], load.wrench, axis=1)
     return crept
 
 
-def _knocks(size: float, load: _Load, _: np.random.Generator) -> Array:
+def _knocks(size: float, load: _Load, _: np.random.Generator) -> FloatArray:
     """A foot that is loose and knocks against the plate whenever the force along x turns round."""
     turned = np.zeros(len(load.t_s))
     turned[1:] = (np.sign(load.wrench[0, 1:]) - np.sign(load.wrench[0, :-1])) / 2.0
@@ -77,28 +79,28 @@ def _knocks(size: float, load: _Load, _: np.random.Generator) -> Array:
     return 4.0 * size * load.scale * np.outer(np.array([1.0, 0.3, 0.0, 0.0, 0.2, 0.7]), knock)
 
 
-def _cubic(size: float, load: _Load, _: np.random.Generator) -> Array:
+def _cubic(size: float, load: _Load, _: np.random.Generator) -> FloatArray:
     """Bridges that are not linear, their sensitivity right on average at the working amplitude; fy and ty are sound."""
     unit = load.wrench / load.scale
-    bent: Array = _BENT_CHANNELS[:, None] * size * load.scale * (unit**3 - 3.0 * unit) / 2.0
+    bent: FloatArray = _BENT_CHANNELS[:, None] * size * load.scale * (unit**3 - 3.0 * unit) / 2.0
     return bent
 
 
-def _jitter(size: float, load: _Load, random: np.random.Generator) -> Array:
+def _jitter(size: float, load: _Load, random: np.random.Generator) -> FloatArray:
     """Samples taken at times that scatter about their stamps, slowly changing over some milliseconds."""
     knots = np.arange(load.t_s[0], load.t_s[-1] + 0.03, 0.01)
     off_s = CubicSpline(knots, size * random.standard_normal(len(knots)))(load.t_s)
-    moved: Array = CubicSpline(load.t_s, load.wrench, axis=1)(np.clip(load.t_s + off_s, load.t_s[0], load.t_s[-1]))
+    moved: FloatArray = CubicSpline(load.t_s, load.wrench, axis=1)(np.clip(load.t_s + off_s, load.t_s[0], load.t_s[-1]))
     return moved - load.wrench
 
 
-def _product(size: float, load: _Load, _: np.random.Generator) -> Array:
+def _product(size: float, load: _Load, _: np.random.Generator) -> FloatArray:
     """A moment about y and a force along y that show the product of the two horizontal forces."""
     unit = load.wrench / load.scale
     return size * load.scale * np.outer(np.array([0.0, 1.0, 0.0, 0.0, 1.0, 0.3]), unit[0] * unit[2])
 
 
-_AT_SENSOR: Final[Mapping[str, Callable[[float, _Load, np.random.Generator], Array]]] = {
+_AT_SENSOR: Final[Mapping[str, Callable[[float, _Load, np.random.Generator], FloatArray]]] = {
     "mains_hum": _hum,
     "warming_gain": _warming,
     "creep": _creep,

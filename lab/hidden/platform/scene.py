@@ -5,9 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
 from lab.hidden.case import log_uniform
 from lab.hidden.platform.mechanics import STEP_S, Torques
+from messages.arrays import FloatArray
 from sim_rig.platform.rig import PLATE
 
 SPAN_NM: Final = np.array([220.0, 120.0])
@@ -24,7 +25,7 @@ class Scene:
     plate: Inertia
     known: bool
     foot: Inertia | None
-    foot_origin_m: Array
+    foot_origin_m: FloatArray
     joint_to_surface_m: float
     amplitude: float
     update_hz: float
@@ -33,12 +34,12 @@ class Scene:
     coloured: bool
 
     @property
-    def pose_noise(self) -> Array:
+    def pose_noise(self) -> FloatArray:
         """Return the standard deviations (6,) of a pose."""
         return self.noise_factor * np.repeat((_POSITION_M, _ANGLE_RAD), 3)
 
     @property
-    def wrench_noise(self) -> Array:
+    def wrench_noise(self) -> FloatArray:
         """Return the standard deviations (6,) of a wrench."""
         return self.noise_factor * np.repeat((_FORCE_N, _TORQUE_NM), 3)
 
@@ -76,7 +77,7 @@ def scene(random: np.random.Generator, *, with_foot: bool | None, known: bool | 
     )
 
 
-def stepped(random: np.random.Generator, update_hz: float, span_nm: Array, duration_s: float) -> Torques:
+def stepped(random: np.random.Generator, update_hz: float, span_nm: FloatArray, duration_s: float) -> Torques:
     """Return torques drawn anew `update_hz` times a second within ± `span_nm` (2,), and held.
 
     A step of the mechanics gets the mean over it, so that no jump waits for the next one.
@@ -85,21 +86,21 @@ def stepped(random: np.random.Generator, update_hz: float, span_nm: Array, durat
     drawn_s = np.arange(len(levels) + 1) / update_hz - 2.0
     sums = np.vstack((np.zeros(2), np.cumsum(levels, axis=0))) / update_hz
 
-    def torques(t_s: Array) -> Array:
+    def torques(t_s: FloatArray) -> FloatArray:
         ends = [np.column_stack([np.interp(t_s + half_s, drawn_s, each) for each in sums.T]) for half_s in _HALF_S]
-        mean: Array = (ends[1] - ends[0]) / STEP_S
+        mean: FloatArray = (ends[1] - ends[0]) / STEP_S
         return mean
 
     return torques
 
 
-def tones(random: np.random.Generator, span_nm: Array) -> Torques:
+def tones(random: np.random.Generator, span_nm: FloatArray) -> Torques:
     """Return torques of two dozen tones of random frequency and phase, as strong as steps of ± `span_nm` (2,)."""
     f_hz = random.uniform(*_TONES_HZ, (_TONES, 2))
     phase = random.uniform(0.0, 2.0 * np.pi, (_TONES, 2))
     size = span_nm / np.sqrt(3.0) * np.sqrt(2.0 / _TONES)
 
-    def torques(t_s: Array) -> Array:
+    def torques(t_s: FloatArray) -> FloatArray:
         return np.column_stack(
             [size[k] * np.sin(2.0 * np.pi * np.outer(t_s, f_hz[:, k]) + phase[:, k]).sum(axis=1) for k in (0, 1)]
         )
@@ -114,7 +115,7 @@ def _plate(random: np.random.Generator) -> Inertia:
     return Inertia.about(mass * PLATE.mass_kg, cog_m, mass * length**2 * PLATE.about_cog()).checked()
 
 
-def _foot(random: np.random.Generator) -> tuple[Inertia, Array]:
+def _foot(random: np.random.Generator) -> tuple[Inertia, FloatArray]:
     """Return a block of 4 to 25 kg, not quite even, and its frame's origin on top of it."""
     mass_kg = log_uniform(random, 4.0, 25.0)
     a, b, h = random.uniform((0.15, 0.12, 0.08), (0.28, 0.25, 0.2))

@@ -4,21 +4,18 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.hidden.wearable.stage import Retouch, Stage, binned, ground_below
-from messages import GreyImage
+from messages.arrays import Float32Array, FloatArray, GreyImage
 from perception.depth.rectify import Rectifier, undistorted_rays
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX
-
-FloatArray = NDArray[np.float64]
 
 _NODE_PX = 16
 _CONTRAST_BOX = 15
 _MATT = 12.0  # grey levels
 
 
-def moved_right(stage: Stage, shift_px: Callable[[NDArray[np.float32], GreyImage], NDArray[np.float32]]) -> Retouch:
+def moved_right(stage: Stage, shift_px: Callable[[Float32Array, GreyImage], Float32Array]) -> Retouch:
     """Return a retouch that adds `shift_px(disparity, right picture)` (720, 1280) to the disparity of the right eye.
 
     Disparities are in px of the binned, rectified picture, at the place of the right eye's pixel.
@@ -34,13 +31,13 @@ def moved_right(stage: Stage, shift_px: Callable[[NDArray[np.float32], GreyImage
     p_BL = np.array(stage.unit.X_BL.p_m)
     columns, rows = np.meshgrid(np.arange(WIDTH_PX, dtype=np.float32), np.arange(HEIGHT_PX, dtype=np.float32))
 
-    def everywhere(nodes: FloatArray) -> NDArray[np.float32]:
+    def everywhere(nodes: FloatArray) -> Float32Array:
         at = (columns / _NODE_PX, rows / _NODE_PX)
         return cv2.remap(nodes.astype(np.float32), *at, cv2.INTER_LINEAR)  # type: ignore[return-value]
 
     raw_per_rectified = everywhere(1.0 / (rectifier.f_px * np.gradient(rays_C[..., 0], _NODE_PX, axis=1)))
 
-    def disparity(k: int) -> NDArray[np.float32]:
+    def disparity(k: int) -> Float32Array:
         motion = stage.gait.at(stage.true_ns(k) + row_ns)
         R_WC = motion.R_WB @ R_BC
         slope, height_m = ground_below(stage.world, motion.p_WB_m + motion.R_WB @ p_BL, R_WC[:, :, 2])
@@ -57,23 +54,23 @@ def moved_right(stage: Stage, shift_px: Callable[[NDArray[np.float32], GreyImage
     return retouch
 
 
-def locked(amplitude_px: float) -> Callable[[NDArray[np.float32], GreyImage], NDArray[np.float32]]:
+def locked(amplitude_px: float) -> Callable[[Float32Array, GreyImage], Float32Array]:
     """Return the shift of a resampler whose phases crowd about whole pixels."""
 
-    def shift_px(disparity: NDArray[np.float32], _right: GreyImage) -> NDArray[np.float32]:
-        shift: NDArray[np.float32] = -amplitude_px * np.sin(2.0 * np.pi * disparity)
+    def shift_px(disparity: Float32Array, _right: GreyImage) -> Float32Array:
+        shift: Float32Array = -amplitude_px * np.sin(2.0 * np.pi * disparity)
         return shift
 
     return shift_px
 
 
-def glossy(per_octave_px: float) -> Callable[[NDArray[np.float32], GreyImage], NDArray[np.float32]]:
+def glossy(per_octave_px: float) -> Callable[[Float32Array, GreyImage], Float32Array]:
     """Return the shift of ground whose strong texture seems to lie deeper or higher than it does, as gloss has it.
 
     Contrast is that of the picture as the camera gives it, binned; texture of `_MATT` is seen where it is.
     """
 
-    def shift_px(_disparity: NDArray[np.float32], right: GreyImage) -> NDArray[np.float32]:
+    def shift_px(_disparity: Float32Array, right: GreyImage) -> Float32Array:
         grey = cv2.resize(right, (WIDTH_PX // 2, HEIGHT_PX // 2), interpolation=cv2.INTER_AREA).astype(np.float32)
         box = (_CONTRAST_BOX, _CONTRAST_BOX)
         variance = cv2.sqrBoxFilter(grey, cv2.CV_32F, box) - cv2.blur(grey, box) ** 2

@@ -7,7 +7,6 @@ from functools import partial
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -15,11 +14,10 @@ from lab.hidden.case import sign
 from lab.hidden.wearable.eye import dirty, glossy, locked, moved_right
 from lab.hidden.wearable.stage import FRAME_NS, Retouch, Stage
 from messages import Lens, Matrix3, StereoCalibration, matrix3, vec3
+from messages.arrays import FloatArray, IntArray
 from perception.depth.rectify import Rectifier
 from sim_rig.unit import HEIGHT_PX, Unit
-from sim_rig.walk.gait import IntArray
 
-FloatArray = NDArray[np.float64]
 Change = Callable[[Stage], Stage]
 
 _structs = msgspec.structs

@@ -12,7 +12,6 @@ from pathlib import Path
 import cv2
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
@@ -21,16 +20,16 @@ from daemon.config import Configuration, format_configuration
 from daemon.recording_file import RecordingFile, RecordingInfo, entries_of
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
-from messages import Calibration, FrameHeader, GreyImage, ImuSample, Lens, Source, StereoFrame
+from messages import Calibration, FrameHeader, ImuSample, Lens, Source, StereoFrame
+from messages.arrays import FloatArray, GreyImage, IntArray
 from sim_rig.camera.renderer import Renderer
 from sim_rig.imu.i2c_bus import I2cWires
 from sim_rig.imu.mpu6050_chip import Mpu6050Chip
 from sim_rig.imu.simulated_clock import SimulatedClock
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
-from sim_rig.walk.gait import Gait, IntArray, Motion
+from sim_rig.walk.gait import Gait, Motion
 from sim_rig.walk.world import World
 
-FloatArray = NDArray[np.float64]
 Retouch = Callable[[int, GreyImage, GreyImage], tuple[GreyImage, GreyImage]]
 
 FRAME_NS = 50_000_000

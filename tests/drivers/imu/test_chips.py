@@ -4,13 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from drivers.imu.chips import CHIPS, ChipModel
 from drivers.imu.registers import Register
 from drivers.imu.settings import Mpu6050Settings
 from drivers.protocols import DeviceError
-from tests.bench.imu_bench import ADDRESS, NOISY, Floats, ImuBench, lost_by_truth, swaying
+from messages.arrays import FloatArray, IntArray
+from tests.bench.imu_bench import ADDRESS, NOISY, ImuBench, lost_by_truth, swaying
 
 ALL = pytest.mark.parametrize("model", CHIPS.values(), ids=lambda model: model.name)
 
@@ -45,10 +45,10 @@ def test_the_gyroscope_stands_at_the_samples_time_and_the_accelerometer_where_th
     assert lag_s(sf, t_ns, 0) == pytest.approx(row.accel_delay_s - row.gyro_delay_s, abs=0.15e-3)
 
 
-def lag_s(measured: NDArray[np.float64], t_ns: NDArray[np.int64], sensor: int) -> float:
+def lag_s(measured: FloatArray, t_ns: IntArray, sensor: int) -> float:
     """Return how late the signal is against the motion, by least squares."""
 
-    def true(shift_ns: int) -> Floats:
+    def true(shift_ns: int) -> FloatArray:
         return swaying(t_ns + shift_ns)[sensor]
 
     slope = (true(100_000) - true(-100_000)) / 0.2e-3

@@ -5,10 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tests.bench.imu_bench import NOISY, Floats, ImuBench, lost_by_truth
+from messages.arrays import FloatArray
+from tests.bench.imu_bench import NOISY, ImuBench, lost_by_truth
 
 
-def errors_ms(bench: ImuBench, seconds: float, settle_s: float = 1.0) -> Floats:
+def errors_ms(bench: ImuBench, seconds: float, settle_s: float = 1.0) -> FloatArray:
     samples = bench.follow(seconds)
     assert lost_by_truth(bench, samples) == bench.imu.counters.lost == 0
     assert np.all(np.diff([sample.t_sample_ns for sample in samples]) > 0)

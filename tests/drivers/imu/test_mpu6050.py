@@ -6,7 +6,6 @@ import re
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from smbus2 import i2c_msg
 
 from drivers.imu.chips import CHIPS, REFUSED
@@ -15,7 +14,8 @@ from drivers.imu.registers import Register
 from drivers.imu.settings import Mpu6050Settings
 from drivers.protocols import DeviceError, RegisterBus
 from messages import ImuSample
-from tests.bench.imu_bench import ADDRESS, NOISY, Floats, ImuBench, lost_by_truth, still
+from messages.arrays import FloatArray, IntArray
+from tests.bench.imu_bench import ADDRESS, NOISY, ImuBench, lost_by_truth, still
 
 BOTH_BUSES = pytest.mark.parametrize("smbus_only", [False, True], ids=["fifo", "smbus"])
 
@@ -86,7 +86,7 @@ def test_settings_out_of_range_are_refused(wrong: dict[str, int], line: str) -> 
 
 @BOTH_BUSES
 def test_samples_are_in_si_units_of_specific_force_and_rate(smbus_only: bool) -> None:
-    def constant(t_ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    def constant(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         return np.tile([1.0, -2.0, 9.5], (t_ns.size, 1)), np.tile([0.3, -4.0, 5.0], (t_ns.size, 1))
 
     unit = dataclasses.replace(NOISY, temperature_degC=31.25)
@@ -98,7 +98,7 @@ def test_samples_are_in_si_units_of_specific_force_and_rate(smbus_only: bool) ->
 
 
 def test_only_samples_at_the_end_of_the_range_are_marked_clipped() -> None:
-    def knocks(t_ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    def knocks(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         sf, w = still(t_ns)
         sf[:, 0] = 60.0 * np.sin(2.0 * np.pi * t_ns * 1e-9)
         return sf, w

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from drivers.imu.sample_clock import SampleClock
+from messages.arrays import FloatArray, IntArray
 
 PERIOD_S = 0.010
 TRANSFER_NS = 250_000
@@ -18,11 +18,11 @@ class Polled:
     """What a polled chip's clock made of its samples."""
 
     clock: SampleClock
-    truth_ns: NDArray[np.int64]
-    stamps_ns: NDArray[np.int64]
+    truth_ns: IntArray
+    stamps_ns: IntArray
     missed: int
 
-    def errors_ms(self, *, after_s: float) -> NDArray[np.float64]:
+    def errors_ms(self, *, after_s: float) -> FloatArray:
         late = self.truth_ns - START_NS > after_s * 1e9
         return ((self.stamps_ns - self.truth_ns)[late] / 1e6).astype(np.float64)
 
@@ -172,7 +172,7 @@ def test_nothing_is_known_before_the_first_sample() -> None:
 
 def with_edges(
     seed: int, *, late_share: float = 0.01, lost_share: float = 0.0, clock_error: float = 0.0, seconds: float = 20.0
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Return the stamps' errors, ms; interrupts are 20 µs late, a share of them up to 3 ms."""
     rng = np.random.default_rng(seed)
     period_ns = PERIOD_S * 1e9 / (1.0 + clock_error)

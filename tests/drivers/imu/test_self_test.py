@@ -5,14 +5,14 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from drivers.imu.chips import CHIPS, ChipModel
 from drivers.imu.register_access import RegisterAccess
 from drivers.imu.self_test import AXES, TrimCodes, factory_trim_lsb, read_trim_codes
 from drivers.protocols import DeviceError
+from messages.arrays import FloatArray, IntArray
 from sim_rig.imu.chip_unit import draw_chip_unit
-from tests.bench.imu_bench import ADDRESS, NOISY, Floats, ImuBench, still
+from tests.bench.imu_bench import ADDRESS, NOISY, ImuBench, still
 
 MPU6050, MPU6500 = CHIPS[0x68], CHIPS[0x70]
 ALL = pytest.mark.parametrize("model", CHIPS.values(), ids=lambda model: model.name)
@@ -96,7 +96,7 @@ def test_a_unit_that_moves_is_not_tested() -> None:
 
 
 def test_a_unit_that_is_turned_meanwhile_is_not_tested() -> None:
-    def turned(t_ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    def turned(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         sf, w = still(t_ns)
         later = t_ns > 1_000_000_000_000 + 1_700_000_000
         sf[later] = [9.80665, 0.0, 0.0]

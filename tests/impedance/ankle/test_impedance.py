@@ -6,17 +6,15 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from impedance.ankle.impedance import AnkleImpedance, identify, spline
 from impedance.ankle.motion import bodies_of, motion_of, smooth_derivatives
 from impedance.ankle.trial import AnkleTrial, Perturbation
+from messages.arrays import FloatArray
 from messages.errors import UserError
 from sim_rig.platform.ankle import AT_15_DB, AnkleNoise, AnkleRun, measured, walk
 from sim_rig.platform.ankle_person import person
 from sim_rig.platform.rig import PLATE
-
-Array = NDArray[np.float64]
 
 SEED = 21
 
@@ -105,7 +103,7 @@ def test_splines_add_up_to_one_and_hold_a_cubic() -> None:
 
 
 def _with_exact_bodies(trial: AnkleTrial, run: AnkleRun) -> AnkleTrial:
-    def exact(mass_kg: float, cog: Array, J: Array) -> dict[str, Any]:
+    def exact(mass_kg: float, cog: FloatArray, J: FloatArray) -> dict[str, Any]:
         six = J[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
         return {"mass_kg": mass_kg, "cog_m": tuple(cog.tolist()), "inertia_kgm2": tuple(six.tolist())}
 

@@ -15,7 +15,8 @@ from impedance.body.equations import (
     tare,
 )
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
+from messages.arrays import FloatArray
 from sim_rig.platform.rig import PLATE, UPPER_FRAME, Rig
 
 RELATIVE = 1e-9
@@ -31,7 +32,7 @@ def random_body(rng: np.random.Generator) -> Inertia:
     return Inertia(float(masses.sum()), cog_m, tensor)
 
 
-def sensed(rig: Rig, state: Array, torque_nm: Array) -> dict[str, Array]:
+def sensed(rig: Rig, state: FloatArray, torque_nm: FloatArray) -> dict[str, FloatArray]:
     """Return what the engine's sensors read in one state (θ, φ, θ̇, φ̇) under torques about Z and X."""
     mujoco = pytest.importorskip("mujoco")
     from sim_rig.platform.model import SENSORS, model_of
@@ -45,11 +46,11 @@ def sensed(rig: Rig, state: Array, torque_nm: Array) -> dict[str, Array]:
     return found
 
 
-def motion_of(rig: Rig, sensors: dict[str, Array]) -> Kinematics:
+def motion_of(rig: Rig, sensors: dict[str, FloatArray]) -> Kinematics:
     return Kinematics.on_joint(sensors["angles"], sensors["rates"], sensors["second"], rig.joint_to_surface_m)
 
 
-def assert_relative(found: Array, expected: Array) -> None:
+def assert_relative(found: FloatArray, expected: FloatArray) -> None:
     """Compare forces by the largest force, moments by the largest moment."""
     for part in (slice(0, 3), slice(3, 6)):
         error = np.abs(found[..., part] - expected[..., part]).max()

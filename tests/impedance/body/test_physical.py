@@ -5,12 +5,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from impedance.body.physical import boundary, consistent, is_consistent, pseudo_inertia
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
+from messages.arrays import FloatArray
 
 _SEEDS = st.integers(0, 2**31)
 
 
-def _body(rng: np.random.Generator) -> Array:
+def _body(rng: np.random.Generator) -> FloatArray:
     """Return π (10,) of five point masses."""
     points, masses = rng.normal(size=(5, 3)) * rng.uniform(0.02, 0.3, 3), rng.uniform(0.1, 3.0, 5)
     cog = masses @ points / masses.sum()
@@ -19,9 +20,9 @@ def _body(rng: np.random.Generator) -> Array:
     return Inertia(float(masses.sum()), cog, J).vector
 
 
-def _information(rng: np.random.Generator, vector: Array) -> Array:
+def _information(rng: np.random.Generator, vector: FloatArray) -> FloatArray:
     columns = rng.normal(size=(30, len(vector))) / (np.abs(vector) + 0.01) * rng.choice([1.0, 30.0])
-    found: Array = columns.T @ columns
+    found: FloatArray = columns.T @ columns
     return found
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from impedance.body.geometry import rotation_IP
-from impedance.body.rigid_body import Array
 from impedance.identification.bound import propagated, true_information
 from impedance.identification.identification import BAND_SHARE, KnownBody, identify, problem_of
 from impedance.identification.mechanism import FreeBody, Mechanism, UniversalJoint
@@ -15,6 +14,7 @@ from impedance.identification.observability import INTERVAL_95, NAMES, about_cog
 from impedance.identification.spectra import Spectra
 from impedance.recording.recording import PlatformRecording, Poses
 from impedance.recording.synchronous import synchronous
+from messages.arrays import FloatArray
 from messages.errors import UserError
 from tests.bench.platform_motion import FOOT, L_M, PLATE, lines, noisy, recording, undeclared
 
@@ -26,7 +26,7 @@ def clean() -> PlatformRecording:
     return recording(lines(1), 8.0)
 
 
-def _bound(clean: PlatformRecording, mechanism: Mechanism) -> Array:
+def _bound(clean: PlatformRecording, mechanism: Mechanism) -> FloatArray:
     streams = synchronous(clean)
     problem = problem_of(streams, mechanism, THESIS, None)
     spectra = Spectra.of(streams.rate_hz, streams.valid, BAND_SHARE * streams.rate_hz)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from impedance.body import geometry
-from impedance.body.rigid_body import Array
 from impedance.recording.c3d import pose_of_markers, read_c3d
 from impedance.recording.recording import PlatformRecording, Poses
+from messages.arrays import FloatArray
 from messages.errors import UserError
 
 pytest.importorskip("ezc3d")
@@ -46,11 +46,11 @@ def recording() -> PlatformRecording:
     return measured(run, noise=None, plate=PLATE)
 
 
-def in_lab(poses: Poses, markers: dict[str, tuple[float, float, float]]) -> Array:
+def in_lab(poses: Poses, markers: dict[str, tuple[float, float, float]]) -> FloatArray:
     """Return the markers (n, k, 3) in the laboratory, in metres."""
     R = geometry.rotation_IP(*poses.euler_rad.T)
     seen_I = poses.p_m[:, None] + np.einsum("nij,kj->nki", R, np.array(list(markers.values())))
-    seen: Array = seen_I @ LAB_OF_I.T + JOINT_IN_LAB_M
+    seen: FloatArray = seen_I @ LAB_OF_I.T + JOINT_IN_LAB_M
     return seen
 
 

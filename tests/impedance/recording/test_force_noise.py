@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from benchmarks.force_plate_noise import PLATES, WRENCH, innovation_ratio, resting_plates
-from impedance.body.rigid_body import Array
 from impedance.recording.force_noise import fit_force_noise
+from messages.arrays import FloatArray
 from messages.errors import UserError
 from tests.bench.data_folder import shared_data
 
@@ -17,7 +17,7 @@ T_S = np.arange(6000) / RATE_HZ
 AR = np.array([0.9, -0.5])
 
 
-def coloured(seed: int) -> Array:
+def coloured(seed: int) -> FloatArray:
     """Return two channels: coloured with a line at 33 Hz, an offset and a drift; and white, half correlated with it."""
     rng = np.random.default_rng(seed)
     innovations = rng.standard_normal((len(T_S) + 500, 2)) @ np.array([[1.0, 0.5], [0.0, np.sqrt(0.75)]])
@@ -85,7 +85,9 @@ def test_mains_are_known_by_their_alias_and_walks_by_their_blocks() -> None:
         (lambda t, y: (t, y * np.array([1.0, 0.0])), "b never changes: not connected?"),
     ],
 )
-def test_records_that_cannot_be_used_are_named(spoil: Callable[[Array, Array], tuple[Array, Array]], said: str) -> None:
+def test_records_that_cannot_be_used_are_named(
+    spoil: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]], said: str
+) -> None:
     t_s, values = spoil(T_S, coloured(5))
     with pytest.raises(UserError) as refused:
         fit_force_noise(t_s, values, ("a", "b"))

@@ -8,7 +8,6 @@ import msgspec
 import numpy as np
 import pytest
 
-from impedance.body.rigid_body import Array
 from impedance.recording.recording import (
     FORCE_FILE,
     MOTION_FILE,
@@ -19,6 +18,7 @@ from impedance.recording.recording import (
 )
 from impedance.recording.resampling import resampled
 from impedance.recording.synchronous import synchronous
+from messages.arrays import FloatArray
 from messages.errors import UserError
 
 pytest.importorskip("mujoco")
@@ -37,13 +37,13 @@ def recording(request: pytest.FixtureRequest) -> PlatformRecording:
     )
 
 
-def with_plate(recording: PlatformRecording, change: Callable[[Array], None]) -> PlatformRecording:
+def with_plate(recording: PlatformRecording, change: Callable[[FloatArray], None]) -> PlatformRecording:
     columns = recording.plate.columns.copy()
     change(columns)
     return replace(recording, plate=Poses.from_columns(columns))
 
 
-def with_wrench(recording: PlatformRecording, change: Callable[[Array], None]) -> PlatformRecording:
+def with_wrench(recording: PlatformRecording, change: Callable[[FloatArray], None]) -> PlatformRecording:
     wrench = recording.wrench.copy()
     change(wrench)
     return replace(recording, wrench=wrench)
@@ -62,15 +62,15 @@ def refusal(recording: PlatformRecording, folder: Path) -> str:
     return line
 
 
-def exchanged(*columns: int) -> Callable[[Array], None]:
-    def change(values: Array) -> None:
+def exchanged(*columns: int) -> Callable[[FloatArray], None]:
+    def change(values: FloatArray) -> None:
         values[:, list(columns)] = values[:, list(reversed(columns))]
 
     return change
 
 
-def scaled(factor: float, *columns: int) -> Callable[[Array], None]:
-    def change(values: Array) -> None:
+def scaled(factor: float, *columns: int) -> Callable[[FloatArray], None]:
+    def change(values: FloatArray) -> None:
         values[:, list(columns)] *= factor
 
     return change
@@ -97,7 +97,7 @@ def test_a_sound_recording_passes_without_a_note(recording: PlatformRecording, t
     ],
 )
 def test_spoilt_motion_is_named(
-    recording: PlatformRecording, tmp_path: Path, change: Callable[[Array], None], said: str
+    recording: PlatformRecording, tmp_path: Path, change: Callable[[FloatArray], None], said: str
 ) -> None:
     line = refusal(with_plate(recording, change), tmp_path)
     assert MOTION_FILE in line
@@ -122,7 +122,7 @@ def test_spoilt_motion_is_named(
     ],
 )
 def test_spoilt_wrench_is_named(
-    recording: PlatformRecording, tmp_path: Path, change: Callable[[Array], None], said: str
+    recording: PlatformRecording, tmp_path: Path, change: Callable[[FloatArray], None], said: str
 ) -> None:
     line = refusal(with_wrench(recording, change), tmp_path)
     assert FORCE_FILE in line
@@ -140,11 +140,11 @@ def test_spoilt_wrench_is_named(
     ids=["spring", "damper", "friction"],
 )
 def test_a_strap_that_is_stronger_than_inertia_is_no_exchange(
-    recording: PlatformRecording, tmp_path: Path, turn: int, moment: Callable[[Array, Array], Array]
+    recording: PlatformRecording, tmp_path: Path, turn: int, moment: Callable[[FloatArray, FloatArray], FloatArray]
 ) -> None:
     angle = recording.plate.columns[:, turn]
 
-    def change(wrench: Array) -> None:
+    def change(wrench: FloatArray) -> None:
         wrench[:, {THETA: 5, PHI: 3}[turn]] += moment(angle, np.gradient(angle, recording.t_s))
 
     assert reloaded(with_wrench(recording, change), tmp_path).notes == ()
@@ -160,7 +160,7 @@ def test_a_foot_in_millimetres_is_named(recording: PlatformRecording, tmp_path: 
 
 
 def test_nan_is_kept_as_missing_and_noted(recording: PlatformRecording, tmp_path: Path) -> None:
-    def change(columns: Array) -> None:
+    def change(columns: FloatArray) -> None:
         columns[700:735, X] = np.nan
 
     loaded = reloaded(with_plate(recording, change), tmp_path)
@@ -223,13 +223,13 @@ def test_streams_of_unequal_rates_are_brought_together(recording: PlatformRecord
     ],
 )
 def test_spoilt_stamps_are_named(
-    recording: PlatformRecording, tmp_path: Path, spoil: Callable[[Array], Array], said: str
+    recording: PlatformRecording, tmp_path: Path, spoil: Callable[[FloatArray], FloatArray], said: str
 ) -> None:
     assert said in refusal(replace(recording, t_s=spoil(recording.t_s)), tmp_path)
 
 
 def test_too_much_missing_is_refused(recording: PlatformRecording, tmp_path: Path) -> None:
-    def change(columns: Array) -> None:
+    def change(columns: FloatArray) -> None:
         columns[: 6 * len(columns) // 10] = np.nan
 
     assert "60 % of the samples are missing, allowed 50 %" in refusal(with_plate(recording, change), tmp_path)

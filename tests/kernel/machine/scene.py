@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from messages import GreyImage
+from messages.arrays import GreyImage
 from sim_rig import unit
 from sim_rig.camera import renderer, textures
 from sim_rig.walk import gait, scenario, world

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from scipy.signal import decimate
 
+from messages.arrays import FloatArray
+
 pytest.importorskip("mujoco")
 
 import mujoco
 
 from impedance.body import geometry
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array
 from lab.thesis import hypotheses, search, signals
 from lab.thesis.causes import CAUSES, changed
 from lab.thesis.hypotheses import CELLS, PINNED, Misfit, Sizes, Study, printed_cells, tolerances
@@ -210,7 +211,7 @@ def test_curves_pass_through_what_was_simulated(folder: Path) -> None:
     study.prepare()
     curves = search.Curves.of(study, ("force_gain tz",))
     for size in CAUSES["force_gain tz"].knots:
-        exact: Array = study.columns({} if size == 0.0 else {"force_gain tz": size}).cells(False)
+        exact: FloatArray = study.columns({} if size == 0.0 else {"force_gain tz": size}).cells(False)
         np.testing.assert_allclose(curves.cells({"force_gain tz": size}, False), exact, atol=1e-9)
 
 

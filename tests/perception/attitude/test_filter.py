@@ -3,15 +3,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from messages import Reason, Residual, Status, vec3
+from messages.arrays import FloatArray
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 from tests.bench.attitude_reference import ReferenceAttitude
 from tests.bench.hip_motion import GRAVITY_MPS2, Motion, hip_motion, tilt_errors_W, with_mpu6050_noise
-
-Array = NDArray[np.float64]
 
 CALIBRATED = Residual(specific_force_mps2=0.0147, scale=0.0005)
 PERFECT = Residual()
@@ -23,7 +21,7 @@ class Run:
     """What a filter said after each sample of a motion."""
 
     def __init__(self, motion: Motion, filter_: AttitudeFilter) -> None:
-        self.t_s: Array = 1e-9 * (motion.t_ns - motion.t_ns[0])
+        self.t_s: FloatArray = 1e-9 * (motion.t_ns - motion.t_ns[0])
         self.reasons: list[Reason] = []
         R_WB, cov = [], []
         for t_ns, sf_B, w_B in zip(motion.t_ns.tolist(), motion.sf_B.tolist(), motion.w_B.tolist(), strict=True):

@@ -4,16 +4,15 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from messages import DepthCalibration, DepthImage, Lens, Reason, Residual
+from messages import DepthCalibration, Lens, Reason, Residual
+from messages.arrays import DepthImage
 from perception.depth.depth_camera import DepthCamera
 from perception.depth.rectify import intrinsics
 from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeasurement, GroundMeter
 from perception.ground.plane import Plane
 
-FloatArray = NDArray[np.float64]
 WIDTH, HEIGHT, F_PX = 320, 240, 210.0
 PINHOLE = Lens(
     width_px=WIDTH, height_px=HEIGHT, fx_px=F_PX, fy_px=F_PX, cx_px=158.0, cy_px=121.0, distortion=(0.0,) * 4

@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from messages import Lens, Pose, StereoCalibration, matrix3
+from messages.arrays import FloatArray
 from perception.depth.rectify import Rectifier, Window
 
 
@@ -30,7 +30,7 @@ def stereo_pair(row_time_s: float = 0.0) -> StereoCalibration:
     )
 
 
-def project(points_L: NDArray[np.float64], stereo: StereoCalibration, eye: str) -> NDArray[np.float64]:
+def project(points_L: FloatArray, stereo: StereoCalibration, eye: str) -> FloatArray:
     lens = stereo.left if eye == "left" else stereo.right
     R, p = (np.eye(3), np.zeros(3)) if eye == "left" else (np.array(stereo.X_RL.R), np.array(stereo.X_RL.p_m))
     K = np.array([[lens.fx_px, 0, lens.cx_px], [0, lens.fy_px, lens.cy_px], [0, 0, 1]])

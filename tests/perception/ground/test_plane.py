@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from messages.arrays import FloatArray
 from perception.ground.plane import PlaneFit, PlaneFitter
 
 FB = 42.0
-FloatArray = NDArray[np.float64]
 
 
 def rays_of_a_pitched_camera(step: int = 3) -> FloatArray:

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from messages.arrays import FloatArray
 from perception.ground.plane import Plane, PlaneFit
 from perception.ground.tracking import PlaneTracker, TrackingSettings
 
@@ -17,7 +17,7 @@ def seen(a: float, b: float, h: float) -> PlaneFit:
     return PlaneFit(Plane((a, b), h), SEEN_COV, 0.1, 0.9)
 
 
-def yawed(yaw_rad: float) -> NDArray[np.float64]:
+def yawed(yaw_rad: float) -> FloatArray:
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
 
@@ -27,14 +27,14 @@ def told(
     t_ns: int,
     fit: PlaneFit,
     *,
-    R_WH: NDArray[np.float64] = LEVEL,
-    attitude_cov_W: NDArray[np.float64] = SURE,
+    R_WH: FloatArray = LEVEL,
+    attitude_cov_W: FloatArray = SURE,
     matched_share: float = 1.0,
-) -> tuple[Plane, NDArray[np.float64]] | None:
+) -> tuple[Plane, FloatArray] | None:
     return tracker.updated(t_ns, fit, matched_share, R_WH, attitude_cov_W)
 
 
-def known(answer: tuple[Plane, NDArray[np.float64]] | None) -> tuple[Plane, NDArray[np.float64]]:
+def known(answer: tuple[Plane, FloatArray] | None) -> tuple[Plane, FloatArray]:
     assert answer is not None
     return answer
 

@@ -5,15 +5,13 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from messages import DepthImage
+from messages.arrays import DepthImage
 from sim_rig.camera.depth_renderer import NO_ERRORS, DepthErrors, DepthRenderer
 from sim_rig.camera.depth_unit import DEPTH_HEIGHT_PX, DEPTH_WIDTH_PX, DepthUnit, draw_depth_unit
 from sim_rig.walk.gait import Gait
 from sim_rig.walk.scenario import scenario
 
-FloatArray = NDArray[np.float64]
 START_NS = 10_000_000_000
 WALK = scenario("mixed")
 AT_THE_STAIRS_NS = START_NS + 33_000_000_000

@@ -7,10 +7,10 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from messages import GreyImage, Lens, Pose
+from messages import Lens, Pose
+from messages.arrays import FloatArray, GreyImage
 from perception.depth.rectify import Rectifier, Window, undistorted_rays
 from sim_rig.camera import textures
 from sim_rig.camera.renderer import Effects, Renderer
@@ -18,8 +18,6 @@ from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, draw_unit
 from sim_rig.walk.gait import Gait, Leg, Stand, Walk
 from sim_rig.walk.scenario import scenario
 from sim_rig.walk.world import World, WorldBuilder
-
-FloatArray = NDArray[np.float64]
 
 GEOMETRY_ONLY = Effects(motion_blur=False, noise=False)
 STANDING: tuple[Leg, ...] = (Stand(60.0),)

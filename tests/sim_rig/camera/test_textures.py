@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from messages import GreyImage
+from messages.arrays import GreyImage
 from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXTURES, TILE, canvas
 
 ROWS = 512

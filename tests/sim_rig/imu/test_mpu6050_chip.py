@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.signal import freqz, group_delay
 from smbus2 import i2c_msg
 
@@ -16,6 +15,7 @@ from drivers.imu.registers import (
     RangeRow,
     Register,
 )
+from messages.arrays import FloatArray, IntArray
 from sim_rig.imu.chip_unit import (
     CLOCK_LIMIT,
     CROSS_AXIS_LIMIT,
@@ -28,7 +28,7 @@ from sim_rig.imu.chip_unit import (
 from sim_rig.imu.i2c_bus import I2cWires
 from sim_rig.imu.mpu6050_chip import Mpu6050Chip
 from sim_rig.imu.mpu6050_signal import LOOK_AHEAD_S, Motion, low_pass
-from tests.bench.imu_bench import ADDRESS, NOISY, Floats, SimulatedTime, still
+from tests.bench.imu_bench import ADDRESS, NOISY, SimulatedTime, still
 
 AWAKE, PLL = 0x00, 0x01
 FIFO_ON, FIFO_RESET = 0x40, 0x04
@@ -70,14 +70,14 @@ class Rig:
     def fifo_count(self) -> int:
         return int.from_bytes(self.get(Register.FIFO_COUNTH, 2), "big")
 
-    def outputs(self) -> NDArray[np.int64]:
+    def outputs(self) -> IntArray:
         return np.frombuffer(self.get(Register.ACCEL_XOUT_H, 14), dtype=">i2").astype(np.int64)
 
-    def record(self, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def record(self, n: int) -> tuple[IntArray, IntArray]:
         """Return the instants (n,) and outputs (n, 7) of the next samples, each read just after it is complete."""
         self.chip.take_edges()
         t_ns: list[int] = []
-        outputs: list[NDArray[np.int64]] = []
+        outputs: list[IntArray] = []
         while len(t_ns) < n:
             self.time.sleep(self.chip.period_ns * 0.25e-9)
             if edges := self.chip.take_edges():
@@ -86,7 +86,7 @@ class Rig:
         return np.array(t_ns[:n]), np.array(outputs[:n])
 
 
-def ramp(t_ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def ramp(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
     """Steady change on every axis: behind a filter it is late by exactly the filter's delay."""
     t = (t_ns[:, None] - 1_000_000_000_000) * 1e-9
     return np.tile(8.0 * t, (1, 3)) - 4.0, np.tile(4.0 * t, (1, 3)) - 2.0
@@ -159,7 +159,7 @@ def test_the_internal_oscillator_is_worse_than_the_gyroscopes_pll() -> None:
 def test_a_sample_exists_only_once_its_instant_has_come() -> None:
     asked = []
 
-    def watched(t_ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    def watched(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         asked.append(int(t_ns[-1]))
         return still(t_ns)
 
@@ -207,7 +207,7 @@ def test_the_filter_has_the_datasheets_bandwidth_and_delay(row: FilterRow) -> No
 def test_ranges_scale_and_clip(accel: RangeRow, gyro: RangeRow) -> None:
     inside, outside = 0.5, 1.2
 
-    def pushed(t_ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    def pushed(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         shares = np.tile([inside, outside, -outside], (t_ns.size, 1))
         return shares * accel.full_scale * STANDARD_GRAVITY_MPS2, shares * np.deg2rad(gyro.full_scale)
 
@@ -241,7 +241,7 @@ def test_the_units_errors_reach_the_counts() -> None:
     unit = dataclasses.replace(draw_chip_unit(np.random.default_rng(7)), sf_noise_density=0.0, w_noise_density=0.0)
     sf_B, w_B = np.array([1.0, -2.0, 9.0]), np.array([0.5, -1.0, 2.0])
 
-    def constant(t_ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    def constant(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         return np.tile(sf_B, (t_ns.size, 1)), np.tile(w_B, (t_ns.size, 1))
 
     rig = Rig(constant, unit)
@@ -382,7 +382,7 @@ def test_frozen_sensors_repeat_themselves_although_samples_go_on() -> None:
 def test_a_long_silence_of_the_host_costs_bounded_work() -> None:
     ticks = 0
 
-    def counted(t_ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    def counted(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         nonlocal ticks
         ticks += t_ns.size
         return still(t_ns)

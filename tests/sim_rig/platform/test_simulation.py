@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy import fft
 
+from messages.arrays import FloatArray
+
 pytest.importorskip("mujoco")
 
 from impedance.body.geometry import rotation_IP
 from impedance.body.kinematics import Kinematics
-from impedance.body.rigid_body import Array
 from impedance.recording.recording import PlatformRecording, read_truth
 from sim_rig.platform.excitation import sampled
 from sim_rig.platform.rig import FOOT, MOTION_HZ, THESIS_NOISE, Noise, Rig
@@ -26,7 +27,7 @@ def run(request: pytest.FixtureRequest) -> SimulatedRun:
     return simulate(RunSettings(rig=Rig(foot=FOOT if "foot" in request.param else None), duration_s=SHORT_S), seed=5)
 
 
-def differentiated(values: Array, order: int) -> Array:
+def differentiated(values: FloatArray, order: int) -> FloatArray:
     """Return the derivative of samples (n, c), a tapered Fourier transform's, right between the edges."""
     n = len(values)
     ramp = 0.5 - 0.5 * np.cos(np.pi * np.clip(np.minimum(np.arange(n), n - 1 - np.arange(n)) / (0.8 * EDGE), 0.0, 1.0))
@@ -35,7 +36,7 @@ def differentiated(values: Array, order: int) -> Array:
     return np.asarray(fft.irfft(jw**order * fft.rfft((values - mean) * ramp[:, None], axis=0), n, axis=0))
 
 
-def in_band(values: Array) -> Array:
+def in_band(values: FloatArray) -> FloatArray:
     """Return the part below BAND_HZ of samples (n, c), between the edges, under a window of mean square 1."""
     inner = values[EDGE:-EDGE]
     window = np.hanning(len(inner))[:, None] * np.sqrt(8.0 / 3.0)
@@ -44,7 +45,7 @@ def in_band(values: Array) -> Array:
     return np.fft.irfft(spectrum, len(inner), axis=0)
 
 
-def misfit(run: SimulatedRun) -> tuple[Array, Array]:
+def misfit(run: SimulatedRun) -> tuple[FloatArray, FloatArray]:
     """Return the in-band rms (6,) of simulated minus analytic wrench, out of the poses alone, and of the wrench."""
     recording = measured(run, noise=None)
     p_m, euler = recording.plate.p_m, recording.plate.euler_rad

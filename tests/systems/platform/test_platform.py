@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from discrepancy.explain import explain
-from impedance.body.rigid_body import Array, Inertia
+from impedance.body.rigid_body import Inertia
 from impedance.recording.recording import PlatformRecording, Poses
 from lab.hidden.platform.drawn import CHANNELS, Hidden
 from lab.hidden.platform.instruments import followed
@@ -19,6 +19,7 @@ from lab.hidden.platform.laboratory import recorded as recorded_of
 from lab.hidden.platform.mechanics import ran
 from lab.hidden.platform.noise import PlateNoise
 from lab.hidden.platform.scene import SPAN_NM, Scene, stepped
+from messages.arrays import FloatArray
 from messages.errors import UserError
 from systems.platform import load
 from systems.platform.effects import amplitudes
@@ -73,14 +74,14 @@ def simulation(recording: PlatformRecording) -> tuple[PlatformSimulation, dict[s
     return bound, dict(zip((f"foot_{name}" for name in BODY), FOOT.vector.tolist(), strict=True))
 
 
-def left(recording: PlatformRecording, values: dict[str, float]) -> Array:
+def left(recording: PlatformRecording, values: dict[str, float]) -> FloatArray:
     """Return the RMS (c,) of what the prediction misses."""
     bound, base = simulation(recording)
-    missed: Array = np.sqrt(np.nanmean((bound.channels.values - bound.predicted({**base, **values})) ** 2, axis=0))
+    missed: FloatArray = np.sqrt(np.nanmean((bound.channels.values - bound.predicted({**base, **values})) ** 2, axis=0))
     return missed
 
 
-def matrix(of: str, source: str, share: float) -> Array:
+def matrix(of: str, source: str, share: float) -> FloatArray:
     m = np.eye(6)
     m[CHANNELS.index(of), CHANNELS.index(source)] += share
     return m

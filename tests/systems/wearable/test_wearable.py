@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
@@ -17,6 +16,7 @@ from lab.hidden.wearable.physics import hidden
 from lab.hidden.wearable.stage import write_recording
 from lab.hidden.wearable.walk import draw_nuisance, sound_stage, sound_unit
 from messages import ImuSample
+from messages.arrays import FloatArray
 from messages.errors import UserError
 from systems.wearable import load, view
 from systems.wearable.blur import Steepness
@@ -141,7 +141,7 @@ def test_a_smear_flattens_the_slope_along_it_as_the_picture_itself_tells() -> No
     random = np.random.default_rng(SEED)
     picture = gaussian_filter(random.standard_normal((500, 500)), 1.5, mode="wrap")
 
-    def slopes(field: NDArray[np.float64]) -> float:
+    def slopes(field: FloatArray) -> float:
         return float(np.log2(np.std(np.diff(field, axis=0)) / np.std(np.diff(field, axis=1))))
 
     lags = (1, 2, 3, 4, 6, 8, 12)
