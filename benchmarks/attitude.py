@@ -22,6 +22,7 @@ from benchmarks.attitude_peers import Madgwick, Mahony, attitudes
 from benchmarks.broad import HELD_OUT, TUNING, Trial, trials, up_B_of
 from messages import Residual
 from messages.arrays import FloatArray, IntArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 from tests.bench.data_folder import shared_data
 from tests.bench.hip_motion import hip_motion, tilt_errors_W, with_mpu6050_noise
@@ -187,7 +188,11 @@ def foot_errors_rad(folder: Path) -> tuple[FloatArray, FloatArray]:
     """Return the errors of this filter and of VQF on a walking foot, against gravity where the foot stands flat."""
     rows = np.loadtxt(folder / "short_walk.csv.gz", delimiter=",", skiprows=1)
     rows = rows[np.diff(rows[:, 0], prepend=-1.0) > 0.0]
-    t_ns, w_B, sf_B = np.round(1e9 * rows[:, 0]).astype(np.int64), np.radians(rows[:, 1:4]), 9.80665 * rows[:, 4:7]
+    t_ns, w_B, sf_B = (
+        np.round(1e9 * rows[:, 0]).astype(np.int64),
+        np.radians(rows[:, 1:4]),
+        STANDARD_GRAVITY_MPS2 * rows[:, 4:7],
+    )
     flat = np.convolve(np.linalg.norm(w_B, axis=1) < np.radians(15.0), np.ones(41) / 41, "same") > 0.999
     sf_mean = np.stack([np.convolve(sf_B[:, i], np.ones(41) / 41, "same") for i in range(3)], axis=1)
     up_B = sf_mean / np.linalg.norm(sf_mean, axis=1, keepdims=True)

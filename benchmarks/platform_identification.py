@@ -27,12 +27,13 @@ from impedance.identification.identification import (
 )
 from impedance.identification.mechanism import FreeBody, Mechanism, UniversalJoint
 from impedance.identification.noise_level import NoiseLevel
-from impedance.identification.observability import INTERVAL_95, NAMES, about_cog, about_cog_slope, moving
+from impedance.identification.observability import NAMES, about_cog, about_cog_slope, moving
 from impedance.identification.spectra import Spectra
 from impedance.recording.recording import PlatformRecording
 from impedance.recording.synchronous import synchronous
 from impedance.thesis.estimator import Variant, foot_residual, least_residual, plate_residual
 from messages.arrays import FloatArray
+from messages.constants import NORMAL_95
 from sim_rig.platform.rig import FOOT, PLATE, THESIS_NOISE, Rig
 from sim_rig.platform.run import RunSettings, SimulatedRun, measured, simulate
 
@@ -108,7 +109,7 @@ def judged(run: SimulatedRun, mechanism: Mechanism, draws: int, seed: int, many:
         bound=np.sqrt(np.diag(covariance)),
         rms=np.sqrt(np.mean([(found.estimate - truth) ** 2 for found in ours], axis=0)),
         first_rms=np.sqrt(np.mean(np.square(first), axis=0)),
-        coverage=np.mean(np.abs(errors) <= INTERVAL_95 * claimed.observability.deviation, axis=0),
+        coverage=np.mean(np.abs(errors) <= NORMAL_95 * claimed.observability.deviation, axis=0),
         consistent=all(found.body.is_consistent for found in ours),
         seconds=float(np.median(durations)),
     )

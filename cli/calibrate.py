@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from messages.constants import STANDARD_GRAVITY_MPS2
+
 calibrate = typer.Typer(help="Make a unit's calibration file.", no_args_is_help=True)
 
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")]
@@ -61,7 +63,7 @@ def zed(
             ["stamp to mid-exposure, unchecked", f"{1e3 * made.stereo.stamp_to_mid_exposure_s:+.1f} ms"],
             ["time, one σ", f"{1e3 * residual.time_s:.1f} ms"],
             ["camera to IMU, one σ", f"{math.degrees(residual.camera_to_imu_rad):.2f}°"],
-            ["accelerometer, one σ", f"{1e3 * residual.specific_force_mps2 / 9.80665:.1f} mg"],
+            ["accelerometer, one σ", f"{1e3 * residual.specific_force_mps2 / STANDARD_GRAVITY_MPS2:.1f} mg"],
         ],
     )
     if into is None:

@@ -17,8 +17,8 @@ from drivers.can.link import CanLink
 from drivers.imu.self_test import SelfTest
 from drivers.protocols import DeviceError, FrameSource, ImuSource
 from messages import Frame, ImuSample, StereoFrame
+from messages.constants import STANDARD_GRAVITY_MPS2
 
-GRAVITY_MPS2 = 9.80665
 IMU_RATE_HZ = 100.0
 RATE_TOLERANCE = 0.04
 REST_SF_STD_MPS2 = 0.3
@@ -92,7 +92,7 @@ def look_at_imu(imu: ImuSource, seconds: float) -> Iterator[Finding]:
     yield _found(
         "IMU at rest",
         f"gravity {gravity_mps2:.2f} m/s², {statistics.fmean(s.temperature_degC for s in samples):.1f} °C",
-        fault=abs(gravity_mps2 - GRAVITY_MPS2) > GRAVITY_TOLERANCE_MPS2,
+        fault=abs(gravity_mps2 - STANDARD_GRAVITY_MPS2) > GRAVITY_TOLERANCE_MPS2,
     )
 
 

@@ -7,6 +7,8 @@ from typing import Literal
 
 import msgspec
 
+from messages.constants import NORMAL_95
+
 MOST_EQUIVALENTS = 3
 
 
@@ -79,7 +81,7 @@ def number(value: float) -> float | None:
 
 def quantity(value: float, deviation: float, unit: str, interval: tuple[float, float] | None = None) -> Quantity:
     """Return a quantity with `interval`, or with ± 1.96 deviations; what is not finite becomes null."""
-    low, high = interval if interval is not None else (value - 1.96 * deviation, value + 1.96 * deviation)
+    low, high = interval if interval is not None else (value - NORMAL_95 * deviation, value + NORMAL_95 * deviation)
     return Quantity(number(value), number(low), number(high), unit)
 
 

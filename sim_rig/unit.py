@@ -17,10 +17,10 @@ from scipy.spatial.transform import Rotation
 from calib.nominal import R_BL_NOMINAL
 from messages import Calibration, ImuCalibration, Lens, Pose, Residual, StereoCalibration, matrix3, vec3
 from messages.arrays import FloatArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from sim_rig.imu.chip_unit import ChipUnit, draw_chip_unit
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
-STANDARD_GRAVITY_MPS2 = 9.80665
 
 RESIDUAL = Residual(
     specific_force_mps2=1.5e-3 * STANDARD_GRAVITY_MPS2,

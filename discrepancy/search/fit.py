@@ -14,8 +14,8 @@ import numpy as np
 from discrepancy.evidence.whitening import Whitening
 from discrepancy.problem import Problem
 from messages.arrays import FloatArray
+from messages.constants import NORMAL_95
 
-INTERVAL_95 = 1.96
 MOST_STEPS = 20
 _SLOW = 0.1
 """Of the last step's promise: where a step promises more than that, the kept columns hold the fit back."""
@@ -176,7 +176,7 @@ def intervals(problem: Problem, white: Whitening, found: Fit, columns: FloatArra
     scale = np.array([problem.parameters[key].scale for key in keys])
     at = np.array([found.values[key] for key in keys])
     inexact = np.array([problem.parameters[key].inexact for key in keys]) * np.abs(at)
-    half = np.hypot(np.hypot(INTERVAL_95 * np.sqrt(np.diag(covariance)), _NUMERICAL) * scale, inexact)
+    half = np.hypot(np.hypot(NORMAL_95 * np.sqrt(np.diag(covariance)), _NUMERICAL) * scale, inexact)
     bounds = np.column_stack((at - half, at + half))
     for row in range(len(problem.base), len(keys)):
         for side in (0, 1):
@@ -197,10 +197,10 @@ def _profile(
     sign: float,
     grown: float,
 ) -> float:
-    """Return by what an interval's end must be multiplied so that χ² rises by 1.96² there (times what it was grown
-    by).
+    """Return by what an interval's end must be multiplied so that χ² rises by `NORMAL_95`² there (times what it was
+    grown by).
     """
-    wanted = INTERVAL_95 * float(np.sqrt(fisher[row, row])) * grown
+    wanted = NORMAL_95 * float(np.sqrt(fisher[row, row])) * grown
     along = sign * wanted * fisher[:, row] / fisher[row, row]
     moved = problem.shifted(found.values, keys, along)
     p = problem.parameters[keys[row]]
@@ -216,5 +216,5 @@ def _profile(
         scaled = gram / np.outer(size, size)
         scaled[np.diag_indices(len(size))] += 1e-10
         chi2 -= float((score / size) @ np.linalg.solve(scaled, score / size))
-    rise = (chi2 - found.chi2) / (INTERVAL_95 * grown * taken / wanted) ** 2
+    rise = (chi2 - found.chi2) / (NORMAL_95 * grown * taken / wanted) ** 2
     return float(np.clip(1.0 / np.sqrt(max(rise, 1e-3)), 1.0, 3.0))

@@ -12,8 +12,9 @@ from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate
 from discrepancy.search.fit import Fit, Intervals, columns_of, intervals
 from discrepancy.search.search import Found, Search
+from messages.constants import NORMAL_95
 
-_CHANCE = 3.84
+_CHANCE = NORMAL_95**2
 """χ² that a parameter without meaning gains in one of twenty recordings."""
 
 

@@ -7,7 +7,6 @@ Source: InvenSense MPU-6000/MPU-6050 Register Map and Descriptions (RM-MPU-6000A
 from dataclasses import dataclass
 from enum import IntEnum
 
-STANDARD_GRAVITY_MPS2 = 9.80665
 INTERNAL_RATE_HZ = 1000
 INTERNAL_RATE_UNFILTERED_HZ = 8000
 FIFO_BYTES = 1024

@@ -8,12 +8,12 @@ from drivers.imu.registers import (
     ACCEL_RANGES,
     GYRO_RANGES,
     INTERNAL_RATE_HZ,
-    STANDARD_GRAVITY_MPS2,
     FifoEnable,
     Interrupt,
     Power,
     Register,
 )
+from messages.constants import STANDARD_GRAVITY_MPS2
 
 _FIFO_CONTENT = FifoEnable.ACCEL | FifoEnable.TEMPERATURE | FifoEnable.GYRO_X | FifoEnable.GYRO_Y | FifoEnable.GYRO_Z
 _RATES_HZ = (4, 500)

@@ -22,18 +22,17 @@ from typing import Final
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.signal import lfilter
-from scipy.stats import norm
 
 from impedance.ankle.mixed_model import Block, MixedFit, Prior, fit
 from impedance.ankle.motion import AnkleMotion, Bodies, bodies_of, motion_of
 from impedance.ankle.trial import AnkleTrial, Perturbation
 from messages.arrays import BoolArray, FloatArray, IntArray
+from messages.constants import NORMAL_95
 from messages.errors import UserError
 
 AXES: Final = ("dorsi_plantarflexion", "inversion_eversion")
 REFLEX_FROM_S: Final = 0.095
 REFLEX_TO_S: Final = 0.40
-NORMAL_95: Final = float(norm.ppf(0.975))
 
 _IMPEDANCE_SPLINES = 6
 _MEAN_SPLINES = 16

@@ -14,12 +14,11 @@ from typing import Final
 import numpy as np
 
 from impedance.ankle.trial import AnkleTrial, BodyPrior, TrialSettings, in_flat_foot
-from impedance.body.geometry import angular_acceleration, angular_velocity, rotation_IP
+from impedance.body.geometry import GRAVITY_I_MPS2, angular_acceleration, angular_velocity, rotation_IP
 from impedance.body.rigid_body import Inertia, regressor
 from impedance.identification.propagation import propagated
 from messages.arrays import FloatArray, IntArray
 
-_GRAVITY_I_MPS2: Final = np.array([0.0, -9.81, 0.0])
 PLATE_BAND_HZ: Final = (42.0, 65.0)
 """What passes whole and what is stopped of the plate's motion."""
 
@@ -147,7 +146,7 @@ def _motion_of_A(
     alpha = angular_acceleration(euler, first, second)
     r = A + np.array([0.0, joint_to_surface_m, 0.0])
     a_A = np.cross(alpha, r) + np.cross(w, np.cross(w, r))
-    return a_A, _GRAVITY_I_MPS2 @ rotation_IP(*euler.T), w, alpha
+    return a_A, GRAVITY_I_MPS2 @ rotation_IP(*euler.T), w, alpha
 
 
 def _about(A: FloatArray, body: BodyPrior) -> tuple[FloatArray, FloatArray]:

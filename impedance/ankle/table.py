@@ -11,11 +11,12 @@ from typing import Annotated, Final
 import msgspec
 import numpy as np
 
-from impedance.ankle.impedance import NORMAL_95, AnkleImpedance, AxisImpedance, Curve
+from impedance.ankle.impedance import AnkleImpedance, AxisImpedance, Curve
 from impedance.ankle.trial import AnkleTrial, Manoeuvre, Perturbation
 from impedance.recording.plain_files import read_toml, write_toml
 from messages.arrays import BoolArray, FloatArray
 from messages.checked import checked
+from messages.constants import NORMAL_95
 from messages.errors import UserError
 
 _HEADING: Final = """\

@@ -18,6 +18,7 @@ from typing import Annotated, Final
 import msgspec
 import numpy as np
 
+from impedance.body.geometry import PLATFORM_GRAVITY_MPS2
 from impedance.recording.plain_files import read_table, read_toml, write_table, write_toml
 from impedance.recording.table import read_columns, write_columns
 from messages.arrays import BoolArray, FloatArray, IntArray
@@ -234,7 +235,7 @@ def _check_samples(trial: AnkleTrial, name: FloatArray, path: Path) -> None:
             raise UserError(
                 f"{path}: {column} reaches {np.abs(values).max():.4g}, allowed ±{_LARGEST_ANGLE_RAD:g} rad: degrees?"
             )
-    weight_n = 9.81 * trial.settings.subject.mass_kg
+    weight_n = PLATFORM_GRAVITY_MPS2 * trial.settings.subject.mass_kg
     flat = in_flat_foot(trial)
     share = float(np.median(trial.wrench[flat, 1])) / weight_n if flat.any() else np.nan
     if not _WEIGHT_SHARE[0] <= share <= _WEIGHT_SHARE[1]:

@@ -14,7 +14,10 @@ import numpy as np
 
 from messages.arrays import FloatArray
 
-GRAVITY_I_MPS2: Final = np.array([0.0, -9.81, 0.0])
+PLATFORM_GRAVITY_MPS2: Final = 9.81
+"""Not standard gravity but MuJoCo's default: the platform's model, its fits and the thesis's tables all rest on it."""
+
+GRAVITY_I_MPS2: Final = np.array([0.0, -PLATFORM_GRAVITY_MPS2, 0.0])
 """Gravity in I, which has Y up."""
 
 

@@ -23,8 +23,9 @@ from scipy.optimize import minimize
 
 from impedance.identification.eiv import NoiseModel
 from impedance.identification.mechanism import UniversalJoint
-from impedance.identification.observability import INTERVAL_95, about_cog, about_cog_slope
+from impedance.identification.observability import about_cog, about_cog_slope
 from messages.arrays import ComplexArray, FloatArray
+from messages.constants import NORMAL_95
 
 _JYY = 5
 RATE_HZ = 350.0
@@ -81,7 +82,7 @@ def seconds_for(information_per_s: FloatArray, vector: FloatArray, share: float,
     """Return the least time after which the 95 % interval of one of η is within ± `share` of its value."""
     slope = about_cog_slope(vector)[parameter]
     variance_s = float(slope @ np.linalg.solve(information_per_s, slope))
-    return variance_s * (INTERVAL_95 / (share * float(about_cog(vector)[parameter]))) ** 2
+    return variance_s * (NORMAL_95 / (share * float(about_cog(vector)[parameter]))) ** 2
 
 
 def information_per_second(
@@ -141,7 +142,7 @@ def greatest_alpha_y(limits: MotionLimits) -> float:
 
 def least_seconds(alpha_y_radps2: float, J_yy_kgm2: float, torque_nm: float, rate_hz: float, share: float) -> float:
     """Return by (2) the time before which no 95 % interval of J_yy is within ± `share`, the rms of α_y being given."""
-    return float((INTERVAL_95 * torque_nm / (share * J_yy_kgm2 * alpha_y_radps2)) ** 2 / rate_hz)
+    return float((NORMAL_95 * torque_nm / (share * J_yy_kgm2 * alpha_y_radps2)) ** 2 / rate_hz)
 
 
 def _poverty(shape: FloatArray, wave: ComplexArray, f_hz: FloatArray, limits: MotionLimits) -> float:

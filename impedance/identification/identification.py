@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from impedance.body.geometry import PLATFORM_GRAVITY_MPS2
 from impedance.body.physical import Boundary, boundary, consistent
 from impedance.body.rigid_body import Inertia
 from impedance.identification.eiv import EivFit, EivProblem, NoiseModel, fit
 from impedance.identification.mechanism import FreeBody, Mechanism, UniversalJoint, level_rest
 from impedance.identification.noise_level import NoiseLevel, noise_level
 from impedance.identification.observability import (
-    INTERVAL_95,
     Observability,
     about_cog,
     about_cog_slope,
@@ -34,6 +34,7 @@ from impedance.identification.spectra import Spectra
 from impedance.recording.recording import PlatformRecording
 from impedance.recording.synchronous import Synchronous, synchronous
 from messages.arrays import FloatArray
+from messages.constants import NORMAL_95
 from messages.errors import UserError
 
 BAND_SHARE = 100.0 / 350.0
@@ -83,7 +84,7 @@ class Identification:
     def interval(self) -> FloatArray:
         """Return the 95 % intervals (10, 2) of η about the likeliest parameters."""
         step = about_cog_slope(self.body.vector) @ (self.vector - self.body.vector)
-        half = INTERVAL_95 * self.observability.deviation
+        half = NORMAL_95 * self.observability.deviation
         return np.column_stack((self.estimate + step - half, self.estimate + step + half))
 
     @property
@@ -162,7 +163,7 @@ def _marker_notes(streams: Synchronous, test: JointTest, L: float, position_std_
     """Return what the markers say against the stated geometry."""
     notes = []
     if test.height_sigmas > _OFFSET_NOTED:
-        half_mm = 1e3 * INTERVAL_95 * test.height_deviation_m
+        half_mm = 1e3 * NORMAL_95 * test.height_deviation_m
         notes.append(
             f"joint_offset: the markers swing about a joint {1e3 * test.height_m:.2f} ± {half_mm:.2f} mm below the "
             f"surface, joint_to_surface_m is {1e3 * L:g} mm"
@@ -180,7 +181,7 @@ def _marker_notes(streams: Synchronous, test: JointTest, L: float, position_std_
 
 def weighing_deviation_kg(force_std_n: float, rate_hz: float) -> float:
     """Return the standard deviation of a mass weighed for one second."""
-    return force_std_n / 9.81 / float(np.sqrt(rate_hz))
+    return force_std_n / PLATFORM_GRAVITY_MPS2 / float(np.sqrt(rate_hz))
 
 
 def problem_of(streams: Synchronous, mechanism: Mechanism, noise: NoiseLevel, plate: KnownBody | None) -> EivProblem:

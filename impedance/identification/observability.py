@@ -19,10 +19,10 @@ import numpy as np
 from impedance.body.physical import pseudo_inertia
 from impedance.body.rigid_body import TENSOR_ORDER, Inertia, six_of
 from messages.arrays import BoolArray, FloatArray
+from messages.constants import NORMAL_95
 
 NAMES = ("m", "x0", "y0", "z0", *(f"J{pair}" for pair in TENSOR_ORDER))
 UNITS = ("kg", *("m",) * 3, *("kg m²",) * 6)
-INTERVAL_95 = 1.959963984540054
 _IDENTIFIABLE_SHARE = 0.5
 _PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 _WORTH_A_WORD = 0.1
@@ -99,7 +99,7 @@ def observed(vector: FloatArray, covariance: FloatArray) -> Observability:
         deviation=deviation,
         covariance=of_eta,
         range=half_range,
-        identifiable=deviation * INTERVAL_95 <= _IDENTIFIABLE_SHARE * half_range,
+        identifiable=deviation * NORMAL_95 <= _IDENTIFIABLE_SHARE * half_range,
         singular_values=1.0 / np.sqrt(np.maximum(values, np.finfo(float).tiny)),
         null=directions[:, -1] * np.sign(directions[np.argmax(np.abs(directions[:, -1])), -1]),
     )

@@ -9,6 +9,7 @@ import numpy as np
 from impedance.identification.identification import Identification
 from impedance.identification.observability import NAMES
 from messages.arrays import FloatArray
+from messages.constants import NORMAL_95
 from messages.errors import UserError
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def remarks(found: Identification) -> list[str]:
     lines = [
         f"{'with' if found.constrained else 'without'} the joint's constraint; the markers "
         f"{'agree with' if test.holds else 'refute'} the joint ({test.sigmas:+.1f} standard deviations) and see it "
-        f"{1e3 * test.height_m:.2f} ± {1e3 * 1.96 * test.height_deviation_m:.2f} mm below the surface",
+        f"{1e3 * test.height_m:.2f} ± {1e3 * NORMAL_95 * test.height_deviation_m:.2f} mm below the surface",
         f"what is left is {found.fit.chi2_ratio:.3f} times the noise's power, over {found.spectra.counted_s:.1f} s",
         f"singular values, greatest to least: {' '.join(f'{value:.3g}' for value in _relative(found))}",
         f"least known direction: {observable.null_words}",
@@ -111,7 +112,7 @@ def _page(found: Identification) -> str:
 
 def _draw_intervals(figure: "Figure", found: Identification) -> None:
     axes = figure.subplots()
-    share = found.observability.deviation * 1.96 / found.observability.range
+    share = found.observability.deviation * NORMAL_95 / found.observability.range
     colours = ["tab:blue" if yes else "tab:red" for yes in found.observability.identifiable]
     axes.bar(NAMES, 100.0 * share, color=colours)
     axes.axhline(50.0, color="tab:red", linewidth=1.0)

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 
 from messages import GroundPlane, GroundTruth, Status
+from messages.constants import NORMAL_95
 
 
 class Score(msgspec.Struct, frozen=True, kw_only=True):
@@ -68,7 +69,7 @@ def _score(rows: list[tuple[float, ...]]) -> Score:
         rms, coverage = np.full(3, np.nan), np.nan
     else:
         rms = np.sqrt((error**2).mean(axis=0))
-        coverage = float((np.abs(error) <= 1.96 * std).mean())
+        coverage = float((np.abs(error) <= NORMAL_95 * std).mean())
     return Score(
         frames=len(table),
         valid_share=len(valid) / len(table) if len(table) else np.nan,

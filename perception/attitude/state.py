@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from messages import Quaternion, Reason, Vec3
 from messages.arrays import FloatArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from perception import so3, vec3
 from perception.attitude.habit import Habit, HabitSettings
 from perception.attitude.rest import Rest, RestSettings
@@ -22,7 +23,7 @@ class AttitudeSettings:
     Raises ValueError where one is not positive and finite.
     """
 
-    gravity_mps2: float = 9.80665
+    gravity_mps2: float = STANDARD_GRAVITY_MPS2
     gyro_noise_radps_rthz: float = math.radians(0.01)
     gyro_bias_walk_radps_rts: float = math.radians(0.002)
     gyro_bias_radps: float = math.radians(2.0)  # what a change of temperature leaves of a calibrated bias

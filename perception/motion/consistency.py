@@ -11,6 +11,7 @@ import numpy as np
 
 from messages import Calibration, Reason, Vec3
 from messages.arrays import FloatArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from perception.motion.comparison import Felt, Seen, integral, interpolated, lag_of, rate_misfit, velocity_misfit
 from perception.motion.ego_motion import EgoMotion
 from perception.motion.turn_balance import Turn, TurnBalance
@@ -47,7 +48,7 @@ class ConsistencySettings:
     most_gain_error: float = 1.0
     most_gain_deviation: float = 0.6
     least_gain_swing_mps: float = 0.015
-    gravity_mps2: float = 9.80665
+    gravity_mps2: float = STANDARD_GRAVITY_MPS2
     most_gravity_error_mps2: float = 0.3
     agreeing: float = 0.8
     confirmations: int = 3

@@ -10,16 +10,15 @@ import numpy as np
 
 from drivers.imu.self_test import TrimCodes
 from messages.arrays import FloatArray
-
-_STANDARD_GRAVITY_MPS2 = 9.80665
+from messages.constants import STANDARD_GRAVITY_MPS2
 
 SCALE_LIMIT = 0.03
 CROSS_AXIS_LIMIT = 0.02
-ZERO_G_LIMIT_MPS2 = np.array([0.050, 0.050, 0.080]) * _STANDARD_GRAVITY_MPS2
+ZERO_G_LIMIT_MPS2 = np.array([0.050, 0.050, 0.080]) * STANDARD_GRAVITY_MPS2
 ZERO_RATE_LIMIT_RADPS = float(np.deg2rad(20.0))
-G_SENSITIVITY_LIMIT_RADPS_PER_MPS2 = float(np.deg2rad(0.1)) / _STANDARD_GRAVITY_MPS2
+G_SENSITIVITY_LIMIT_RADPS_PER_MPS2 = float(np.deg2rad(0.1)) / STANDARD_GRAVITY_MPS2
 CLOCK_LIMIT = 0.01
-SF_NOISE_DENSITY = 400e-6 * _STANDARD_GRAVITY_MPS2
+SF_NOISE_DENSITY = 400e-6 * STANDARD_GRAVITY_MPS2
 W_NOISE_DENSITY = float(np.deg2rad(0.005))
 _DIE_TEMPERATURE_DEGC = (25.0, 40.0)
 _TYPICAL_TRIM = TrimCodes(accel=(17, 15, 19), gyro=(13, 11, 14))

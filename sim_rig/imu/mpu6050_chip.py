@@ -17,7 +17,6 @@ from drivers.imu.chips import CHIPS, MPU6050_WHO_AM_I
 from drivers.imu.registers import (
     ACCEL_RANGES,
     GYRO_RANGES,
-    STANDARD_GRAVITY_MPS2,
     FifoEnable,
     Interrupt,
     InterruptPin,
@@ -27,6 +26,7 @@ from drivers.imu.registers import (
 )
 from drivers.imu.self_test import factory_trim_lsb, ranges_under_test
 from messages.arrays import BoolArray, FloatArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from sim_rig.imu.chip_unit import ChipUnit
 from sim_rig.imu.mpu6050_signal import Motion, SignalChain, SignalSettings
 

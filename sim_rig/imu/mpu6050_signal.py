@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from scipy.signal import bilinear, lfilter, lfilter_zi
 
 from drivers.imu.chips import ChipModel, FilterRow
-from drivers.imu.registers import INTERNAL_RATE_HZ, STANDARD_GRAVITY_MPS2, RangeRow
+from drivers.imu.registers import INTERNAL_RATE_HZ, RangeRow
 from messages.arrays import BoolArray, FloatArray, IntArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from sim_rig.imu.chip_unit import ChipUnit
 
 Motion = Callable[[IntArray], tuple[FloatArray, FloatArray]]

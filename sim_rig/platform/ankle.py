@@ -24,6 +24,7 @@ from impedance.ankle.trial import (
     Subject,
     TrialSettings,
 )
+from impedance.body.geometry import GRAVITY_I_MPS2
 from messages.arrays import BoolArray, FloatArray, IntArray
 from sim_rig.platform.ankle_person import Person
 from sim_rig.platform.rig import MOTION_HZ, PLATE, THESIS_NOISE
@@ -31,7 +32,6 @@ from sim_rig.platform.rig import MOTION_HZ, PLATE, THESIS_NOISE
 FLAT_FOOT: Final = (0.10, 0.80)
 _OVERSAMPLING = 4
 _PAD = 24
-_G_I: Final = np.array([0.0, -9.81, 0.0])
 _JOINT_TO_SURFACE_M: Final = 0.12
 _RAMP_RAD: Final = np.deg2rad(2.0)
 _RAMP_S: Final = 0.075
@@ -281,7 +281,7 @@ def _sensed(person: Person, plate: FloatArray, push: FloatArray, on_foot: FloatA
     ):
         c = R @ (up + cog)
         spun = np.einsum("...ij,jk,...lk,...l->...i", R, J, R, w)
-        load = mass_kg * (_derivative(_derivative(c, dt), dt) - _G_I)
+        load = mass_kg * (_derivative(_derivative(c, dt), dt) - GRAVITY_I_MPS2)
         force += load
         moment += np.cross(c - origin, load) + _derivative(spun, dt)
     shank = -push - person.leg_kg * _derivative(_derivative(ankle, dt), dt)
@@ -289,7 +289,7 @@ def _sensed(person: Person, plate: FloatArray, push: FloatArray, on_foot: FloatA
     force -= shank
     moment -= np.cross(ankle - origin, shank) + np.einsum("...ij,...j->...i", R, shank_moment)
     into_P = np.swapaxes(R, -1, -2)
-    tare_n = -PLATE.mass_kg * _G_I
+    tare_n = -PLATE.mass_kg * GRAVITY_I_MPS2
     tare_nm = np.cross(PLATE.cog_m, tare_n)
     return np.concatenate(
         ((into_P @ force[..., None])[..., 0] - tare_n, (into_P @ moment[..., None])[..., 0] - tare_nm), axis=-1

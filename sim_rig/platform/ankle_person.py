@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from impedance.body.geometry import PLATFORM_GRAVITY_MPS2
 from messages.arrays import FloatArray
 
 _SHARE: Final = np.array([0.0, 0.1, 0.2, 0.35, 0.5, 0.65, 0.75, 0.85, 1.0])
@@ -69,7 +70,7 @@ class Person:
 
     def usual_force(self, stance: FloatArray) -> FloatArray:
         """Return the force (..., 3) in I that the platform exerts on the foot with no perturbation."""
-        weight_n = 9.81 * self.mass_kg
+        weight_n = PLATFORM_GRAVITY_MPS2 * self.mass_kg
         if not self.walks:
             return np.broadcast_to(weight_n * np.array([0.0, 0.5, 0.0]), (*stance.shape, 3))
         ahead = -0.18 * np.sin(2.0 * np.pi * stance)

@@ -5,6 +5,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
+from impedance.body.geometry import PLATFORM_GRAVITY_MPS2
 from impedance.body.rigid_body import Inertia
 from messages.arrays import FloatArray
 from sim_rig.platform.rig import Rig
@@ -44,7 +45,7 @@ def model_of(rig: Rig, step_s: float, direct: bool) -> mujoco.MjModel:
     model: mujoco.MjModel = mujoco.MjModel.from_xml_string(f"""
 <mujoco>
   <compiler angle="radian"/>
-  <option gravity="0 -9.81 0" timestep="{step_s!r}" integrator="RK4">
+  <option gravity="0 {-PLATFORM_GRAVITY_MPS2!r} 0" timestep="{step_s!r}" integrator="RK4">
     <flag constraint="disable" contact="disable"/>
   </option>
   <worldbody>

@@ -22,9 +22,10 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from messages.arrays import BoolArray, FloatArray, IntArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from sim_rig.walk.world import World
 
-GRAVITY_W_MPS2 = np.array([0.0, 0.0, -9.80665])
+GRAVITY_W_MPS2 = np.array([0.0, 0.0, -STANDARD_GRAVITY_MPS2])
 CAMERA_PITCH_RAD = np.deg2rad(45.0)
 
 _X, _Y, _Z, _ROLL, _PITCH, _YAW = range(6)

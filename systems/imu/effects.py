@@ -8,8 +8,8 @@ import numpy as np
 
 from discrepancy.simulation import Effect, Parameter, Values
 from messages.arrays import FloatArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from systems.imu.motion import Reading
-from systems.imu.recording import STANDARD_GRAVITY_MPS2
 
 AXES: Final = ("x", "y", "z")
 _PAIRS: Final = tuple(a + b for a in AXES for b in AXES if a != b)
@@ -156,7 +156,7 @@ def _accelerometer() -> Iterable[Effect]:
         Effect(
             "gravity_magnitude",
             (Parameter("value_mps2", "m/s²", STANDARD_GRAVITY_MPS2, 9.3, 10.3, 2e-3),),
-            "Gravity has another size than the standard 9.80665 m/s².",
+            f"Gravity has another size than the standard {STANDARD_GRAVITY_MPS2} m/s².",
             "Use the local value, which latitude and height tell to 0.001 m/s².",
             "Look up the local value; accelerate strongly: a scale of all axes errs with that too, gravity does not.",
         ),

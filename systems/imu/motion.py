@@ -20,8 +20,9 @@ from scipy.ndimage import binary_dilation
 from scipy.signal import firwin, upfirdn
 
 from messages.arrays import BoolArray, FloatArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from messages.errors import UserError
-from systems.imu.recording import LEAST_S, STANDARD_GRAVITY_MPS2, ImuRecording
+from systems.imu.recording import LEAST_S, ImuRecording
 from systems.imu.smoothing import SETTLED_S, smoothing
 
 _DEGREE: Final = 7

@@ -13,6 +13,7 @@ import numpy as np
 
 from impedance.recording.table import read_columns, write_columns
 from messages.arrays import BoolArray, FloatArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from messages.errors import UserError
 
 IMU_FILE: Final = "imu.csv"
@@ -23,7 +24,6 @@ IMU_COLUMNS: Final = ("t_s", *W_COLUMNS, *SF_COLUMNS)
 TEMPERATURE_COLUMN: Final = "temperature_degC"
 REFERENCE_COLUMNS: Final = ("t_s", "qw", "qx", "qy", "qz", "px_m", "py_m", "pz_m")
 
-STANDARD_GRAVITY_MPS2: Final = 9.80665
 LEAST_S: Final = 5.0
 LEAST_HZ: Final = 20.0
 MOST_W_RADPS: Final = 90.0

@@ -24,10 +24,11 @@ from scipy import fft
 
 from discrepancy.simulation import Channels, Effect, Parameter, Values
 from messages.arrays import BoolArray, ComplexArray, FloatArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from perception import so3
 from systems.imu.effects import AXES, REFERENCE_DEGC, Facts, library
 from systems.imu.motion import Reading
-from systems.imu.recording import SF_COLUMNS, STANDARD_GRAVITY_MPS2, W_COLUMNS
+from systems.imu.recording import SF_COLUMNS, W_COLUMNS
 
 _INPUT_NAMES: Final[tuple[str, ...]] = ("wx_radps", "wy_radps", "wz_radps", "fx_mps2", "fy_mps2", "fz_mps2")
 _BLEND_S: Final = 1.0

@@ -21,12 +21,12 @@ from math import isfinite
 
 import numpy as np
 
+from impedance.body.geometry import PLATFORM_GRAVITY_MPS2
 from impedance.body.kinematics import Kinematics
 from impedance.body.rigid_body import tensor_of
 from messages.arrays import FloatArray
 from systems.platform.band import Band
 
-_GRAVITY_MPS2 = 9.81
 _LEAST_KGM2 = 1e-4
 
 
@@ -75,7 +75,7 @@ def rocking(
     for hz, axis in zip(resonances_hz, (2, 0), strict=True):
         w = 2.0 * np.pi * (hz if isfinite(hz) else 1.0)
         own = max(float(J[axis, axis]), _LEAST_KGM2)
-        diagonal.append(own * (s**2 + 2.0 * zeta * w * s + w**2) - _GRAVITY_MPS2 * foot[2])
+        diagonal.append(own * (s**2 + 2.0 * zeta * w * s + w**2) - PLATFORM_GRAVITY_MPS2 * foot[2])
     coupling = J[0, 2] * s**2 if all(free) else np.zeros_like(s)
     determinant = diagonal[0] * diagonal[1] - coupling**2
     turns = (

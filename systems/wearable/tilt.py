@@ -18,10 +18,10 @@ from scipy.signal import lfilter
 
 from messages import Calibration, ImuSample
 from messages.arrays import FloatArray, IntArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from perception.attitude.imu_model import corrected
 from systems.wearable.ground_path import Attitude, Smooth
 
-GRAVITY_MPS2 = 9.80665
 GYRO_TIME_S, GRAVITY_TIME_S = 0.2, 0.08
 _STEP_S = 0.01
 _ONSET_S = 0.2
@@ -103,7 +103,7 @@ class Tilt:
 
     def _seen(self, turn_W: FloatArray, force_W: FloatArray) -> FloatArray:
         """Return (frames, 4) of an error of rate and one of specific force (samples, 2), level axes of W."""
-        tilt = np.stack((force_W[:, 1], -force_W[:, 0]), axis=-1) / GRAVITY_MPS2
+        tilt = np.stack((force_W[:, 1], -force_W[:, 0]), axis=-1) / STANDARD_GRAVITY_MPS2
         phi_g = _forgetting(self._on_grid(turn_W), GYRO_TIME_S) * GYRO_TIME_S
         phi_a = _forgetting(_forgetting(self._on_grid(tilt), GRAVITY_TIME_S), GRAVITY_TIME_S)
         columns = []

@@ -8,9 +8,9 @@ from scipy.ndimage import convolve1d
 from scipy.spatial.transform import Rotation
 
 from messages.arrays import BoolArray, FloatArray, IntArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 
-GRAVITY_MPS2 = 9.80665
-G_W_MPS2 = np.array((0.0, 0.0, -GRAVITY_MPS2))
+G_W_MPS2 = np.array((0.0, 0.0, -STANDARD_GRAVITY_MPS2))
 _FINE_HZ = 1000
 
 
@@ -86,7 +86,7 @@ def with_mpu6050_noise(
     gyro_matrix = np.eye(3) + scale * rng.standard_normal((3, 3))
     w_B = motion.w_B @ gyro_matrix.T + np.radians(gyro_bias_dps) * rng.standard_normal(3)
     w_B = w_B + np.radians(0.005) * per_sample * rng.standard_normal(shape)
-    sf_B = motion.sf_B + 400e-6 * GRAVITY_MPS2 * per_sample * rng.standard_normal(shape)
+    sf_B = motion.sf_B + 400e-6 * STANDARD_GRAVITY_MPS2 * per_sample * rng.standard_normal(shape)
     return replace(motion, sf_B=sf_B + sf_bias_mps2 * rng.standard_normal(3), w_B=w_B)
 
 

@@ -9,6 +9,7 @@ from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
 from messages import ImuSample
 from messages.arrays import FloatArray, IntArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from sim_rig.imu.chip_unit import SF_NOISE_DENSITY, W_NOISE_DENSITY, ChipUnit
 from sim_rig.imu.data_ready import SimulatedDataReady
 from sim_rig.imu.i2c_bus import I2cWires
@@ -34,14 +35,14 @@ class SimulatedTime:
 
 def still(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
     """At rest, z up."""
-    return np.tile([0.0, 0.0, 9.80665], (t_ns.size, 1)), np.zeros((t_ns.size, 3))
+    return np.tile([0.0, 0.0, STANDARD_GRAVITY_MPS2], (t_ns.size, 1)), np.zeros((t_ns.size, 3))
 
 
 def swaying(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
     """About as lively as a walking hip, in every axis, at 0.7 to 1.3 Hz: never twice the same within a minute."""
     t = t_ns[:, None] * 1e-9
     phase = 2.0 * np.pi * np.array([0.7, 1.0, 1.3]) * t
-    return np.array([0.0, 0.0, 9.80665]) + 3.0 * np.sin(phase), 2.0 * np.cos(phase)
+    return np.array([0.0, 0.0, STANDARD_GRAVITY_MPS2]) + 3.0 * np.sin(phase), 2.0 * np.cos(phase)
 
 
 @dataclass

@@ -5,7 +5,8 @@ from scipy.spatial.transform import Rotation
 
 from calib.nominal import R_BL_NOMINAL
 from messages import Residual
-from sim_rig.unit import RESIDUAL, STANDARD_GRAVITY_MPS2, draw_unit
+from messages.constants import STANDARD_GRAVITY_MPS2
+from sim_rig.unit import RESIDUAL, draw_unit
 
 
 def test_a_seed_is_a_unit() -> None:

@@ -17,6 +17,7 @@ from lab.hidden.case import Case, Kind, Sizes, TrueCause, Truth, log_uniform, si
 from lab.hidden.imu.motion import Curve, Motion, hand_moved, swung
 from lab.hidden.imu.sensor import Unit, readings
 from messages.arrays import FloatArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 
 SIZES: Final[Mapping[str, Sizes]] = {
     "time_offset": Sizes(5e-4, 2e-2, "s"),
@@ -91,7 +92,7 @@ _REFERENCE_RATES_HZ: Final = (100.0, 120.0, 150.0, 200.0)
 _FIT_S: Final = 60.0
 _HELD_OUT_S: Final = 45.0
 _W_LSB_RADPS: Final = float(np.deg2rad(1.0 / 16.4))
-_SF_LSB_MPS2: Final = 9.80665 / 2048.0
+_SF_LSB_MPS2: Final = STANDARD_GRAVITY_MPS2 / 2048.0
 
 
 @dataclass(frozen=True)
@@ -190,7 +191,7 @@ def _drawn_effect(
     if name in ("gyro_scale", "acc_scale"):
         return {"w_matrix" if name == "gyro_scale" else "sf_matrix": np.diag(1.0 + vector)}, told("{}")
     if name == "gravity_magnitude":
-        gravity = 9.80665 + size * sign(random)
+        gravity = STANDARD_GRAVITY_MPS2 + size * sign(random)
         return {"gravity_mps2": gravity}, {"value_mps2": gravity}
     if name == "low_pass":
         which = int(random.integers(3))
@@ -202,7 +203,7 @@ def _drawn_effect(
         mount_hz[axes] = size * random.uniform(0.8, 1.25, len(axes))
         return {"mount_hz": mount_hz, "mount_damping": float(random.uniform(0.05, 0.2))}, told("{}_hz", mount_hz)
     if name == "clipping":
-        motion, t_s = Motion(curve, 9.80665, np.zeros(3)), np.arange(0.5, _FIT_S - 0.5, 0.005)
+        motion, t_s = Motion(curve, STANDARD_GRAVITY_MPS2, np.zeros(3)), np.arange(0.5, _FIT_S - 0.5, 0.005)
         if random.random() < 0.5:
             limit = float(np.quantile(np.abs(motion.turning(t_s)).max(axis=1), 1.0 - size))
             return {"w_limit_radps": limit}, {"gyro_radps": limit}

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.hidden.imu.motion import Curve, Motion
 from messages.arrays import FloatArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 
 _FINER: Final = 8
 _MARGIN_S: Final = 1.0
@@ -36,7 +37,7 @@ class Unit:
     sf_bias_mps2: FloatArray = field(default_factory=lambda: np.zeros(3))
     arm_m: FloatArray = field(default_factory=lambda: np.zeros(3))
     turned_rad: FloatArray = field(default_factory=lambda: np.zeros(3))
-    gravity_mps2: float = 9.80665
+    gravity_mps2: float = STANDARD_GRAVITY_MPS2
     w_limit_radps: float = np.inf
     sf_limit_mps2: float = np.inf
     cut_off_hz: tuple[float, float] = (np.inf, np.inf)  # of gyroscope and accelerometer

@@ -9,6 +9,7 @@ import numpy as np
 from mujoco import rollout
 
 from impedance.body import geometry
+from impedance.body.geometry import PLATFORM_GRAVITY_MPS2
 from impedance.body.rigid_body import Inertia
 from messages.arrays import FloatArray
 from sim_rig.platform.model import DRIVE_HZ, drive_body, drive_spring, inertial, numbers
@@ -50,8 +51,8 @@ class Mechanics:
     def tared(self) -> FloatArray:
         """Return what the sensor reads (6,) of plate and hidden masses, level and at rest."""
         loads = [(self.plate.mass_kg, self.plate.cog_m), *self.hidden]
-        force = np.array([0.0, 9.81 * sum(mass for mass, _ in loads), 0.0])
-        moment = sum((np.cross(place, [0.0, 9.81 * mass, 0.0]) for mass, place in loads), np.zeros(3))
+        force = np.array([0.0, PLATFORM_GRAVITY_MPS2 * sum(mass for mass, _ in loads), 0.0])
+        moment = sum((np.cross(place, [0.0, PLATFORM_GRAVITY_MPS2 * mass, 0.0]) for mass, place in loads), np.zeros(3))
         return self.read(np.concatenate((force, moment))[:, None])[:, 0]
 
     def read(self, wrench: FloatArray) -> FloatArray:
@@ -135,7 +136,7 @@ def _xml(m: Mechanics) -> str:
     return f"""
 <mujoco>
   <compiler angle="radian"/>
-  <option gravity="0 -9.81 0" timestep="{STEP_S!r}" integrator="RK4">
+  <option gravity="0 {-PLATFORM_GRAVITY_MPS2!r} 0" timestep="{STEP_S!r}" integrator="RK4">
     <flag constraint="disable" contact="disable"/>
   </option>
   <worldbody>
@@ -166,7 +167,7 @@ def _foot(m: Mechanics) -> str:
         return ""
     own = m.foot.seen_from(np.eye(3), m.foot_origin_m)
     about = own.vector[4:7]
-    weight = own.mass_kg * 9.81 * own.cog_m
+    weight = own.mass_kg * PLATFORM_GRAVITY_MPS2 * own.cog_m
     joints = ""
     for name, axis, moment, load, hz in (
         ("delta", "0 0 1", about[2], weight[0], m.tape_hz[0]),

@@ -7,9 +7,10 @@ from scipy.spatial.transform import Rotation
 
 from messages import Reason, Residual, Status, vec3
 from messages.arrays import FloatArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 from tests.bench.attitude_reference import ReferenceAttitude
-from tests.bench.hip_motion import GRAVITY_MPS2, Motion, hip_motion, tilt_errors_W, with_mpu6050_noise
+from tests.bench.hip_motion import Motion, hip_motion, tilt_errors_W, with_mpu6050_noise
 
 CALIBRATED = Residual(specific_force_mps2=0.0147, scale=0.0005)
 PERFECT = Residual()
@@ -121,7 +122,7 @@ def test_tilt_is_never_claimed_better_than_the_accelerometers_residual_bias() ->
     told = run(with_mpu6050_noise(hip_motion(WALKING, 40.0, seed=3), seed=3), CALIBRATED)
     started = np.isfinite(told.cov[:, 0, 0])
     smallest = np.sqrt(told.cov[started][:, (0, 1), (0, 1)].min())
-    assert smallest >= CALIBRATED.specific_force_mps2 / GRAVITY_MPS2
+    assert smallest >= CALIBRATED.specific_force_mps2 / STANDARD_GRAVITY_MPS2
 
 
 def test_covariance_grows_in_strong_motion_and_yaws_only_grows() -> None:

@@ -11,11 +11,11 @@ from drivers.imu.chips import CHIPS, FilterRow
 from drivers.imu.registers import (
     ACCEL_RANGES,
     GYRO_RANGES,
-    STANDARD_GRAVITY_MPS2,
     RangeRow,
     Register,
 )
 from messages.arrays import FloatArray, IntArray
+from messages.constants import STANDARD_GRAVITY_MPS2
 from sim_rig.imu.chip_unit import (
     CLOCK_LIMIT,
     CROSS_AXIS_LIMIT,
