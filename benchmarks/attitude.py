@@ -21,7 +21,7 @@ from vqf import VQF
 from benchmarks.attitude_peers import Madgwick, Mahony, attitudes
 from benchmarks.broad import HELD_OUT, TUNING, Trial, trials, up_B_of
 from messages import Residual
-from messages.arrays import FloatArray, IntArray
+from messages.arrays import FloatArray, IntArray, rms
 from messages.constants import STANDARD_GRAVITY_MPS2
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 from tests.bench.data_folder import shared_data
@@ -90,7 +90,7 @@ def vqf_up_B(sf_B: FloatArray, w_B: FloatArray, rate_hz: float) -> FloatArray:
 
 def rms_deg(angles_rad: FloatArray) -> float:
     """Return the root mean square in degrees."""
-    return float(np.degrees(np.sqrt(np.mean(angles_rad**2))))
+    return float(np.degrees(rms(angles_rad)))
 
 
 def broad(console: Console) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from daemon.pipeline import Pipeline
 from lab.faults.judgement import errors_of, flags
 from messages import Frame, GroundPlane, GroundTruth, ImuSample, Input, Status, StereoFrame, vec3
-from messages.arrays import FloatArray
+from messages.arrays import FloatArray, column_rms
 from perception.ground.foothold import FootholdSettings
 from perception.motion.ego_motion import EgoMotion, VisualOdometer
 from sim_rig.walk.scenario import scenario
@@ -196,7 +196,7 @@ def main() -> None:
     errors, truths = (np.concatenate(rows) for rows in zip(*(odometry for odometry, _ in units), strict=True))
     print(f"visual odometry in C, {len(errors)} steps: RMS error (of RMS motion)")
     for unit, part in (("rad/s", slice(0, 3)), ("m/s", slice(3, 6))):
-        pairs = zip(_rms(errors[:, part]), _rms(truths[:, part]), strict=True)
+        pairs = zip(column_rms(errors[:, part]), column_rms(truths[:, part]), strict=True)
         print(f"  {unit:6}" + "".join(f"  {error:.3f} ({motion:.3f})" for error, motion in pairs))
 
     sound = [said[0] for _, said in units]
@@ -217,11 +217,6 @@ def main() -> None:
         numbers = [f"{np.nanmedian(x):.2f} {np.nanmax(x):.2f}" if np.isfinite(x).any() else "-" for x in columns]
         wrong = sum(each.wrong for each in said)
         print(f"{fault.name:36}{found} of {len(said)}" + "".join(f"{text:>20}" for text in numbers) + f"{wrong:>8}")
-
-
-def _rms(values: FloatArray) -> FloatArray:
-    rms: FloatArray = np.sqrt((values**2).mean(axis=0))
-    return rms
 
 
 if __name__ == "__main__":

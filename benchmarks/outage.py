@@ -17,7 +17,7 @@ from rich.table import Table
 
 from benchmarks.attitude import coverage
 from messages import Residual, Status
-from messages.arrays import FloatArray
+from messages.arrays import FloatArray, rms
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 from perception.attitude.imu_model import corrected
 from sim_rig.walk.scenario import scenario
@@ -102,7 +102,7 @@ def row(recovered: list[Recovery]) -> list[str]:
         f"{len(recovered)}",
         f"{np.median(waits_s):.2f}",
         f"{np.max(waits_s):.2f}",
-        f"{np.sqrt(np.mean(error_deg**2)):.2f}",
+        f"{rms(error_deg):.2f}",
         f"{error_deg.max():.2f}",
         f"{np.degrees(np.sqrt(np.mean(cov_W[:, 0, 0] + cov_W[:, 1, 1]))):.2f}",
         f"{100.0 * coverage(tilt_W, cov_W):.1f} %",

@@ -16,15 +16,15 @@ from drivers.can.bus import CanSettings
 from drivers.can.link import CanLink
 from drivers.imu.self_test import SelfTest
 from drivers.protocols import DeviceError, FrameSource, ImuSource
-from messages import Frame, ImuSample, StereoFrame
+from messages import TOPICS, Frame, ImuSample, StereoFrame
 from messages.constants import STANDARD_GRAVITY_MPS2
 
-IMU_RATE_HZ = 100.0
+IMU_RATE_HZ = TOPICS["imu"].rate_hz
 RATE_TOLERANCE = 0.04
 REST_SF_STD_MPS2 = 0.3
 REST_RATE_STD_RADPS = 0.05
 GRAVITY_TOLERANCE_MPS2 = 0.8
-GRID_HZ = 20.0
+GRID_HZ = TOPICS["frame"].rate_hz
 DARK, BRIGHT = 20.0, 235.0
 
 

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from messages import (
+    TOPICS,
     AnkleState,
     DeviceCounters,
     DropCause,
@@ -18,7 +19,7 @@ from messages import (
     Status,
 )
 
-PERIOD_NS = 1_000_000_000
+PERIOD_NS = TOPICS["health"].period_ns
 
 
 class HealthMonitor:

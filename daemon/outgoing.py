@@ -4,8 +4,6 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-import msgspec
-
 from daemon.latency import FrameTimes, LatencyLog
 from daemon.recorder import Recorder
 from daemon.stamping import Stamper, capture_ns
@@ -119,12 +117,15 @@ def in_time(estimate: Estimate, now_ns: int) -> Estimate:
         return estimate
     if now_ns - capture_ns(estimate) <= STALE_NS:
         return estimate
-    nan = float("nan")
-    late: dict[str, object] = {"status": Status.INVALID, "reason": Reason.LATE}
     if isinstance(estimate, Attitude):
-        late |= dict.fromkeys(("w_WB_B_radps", "gyro_bias_B_radps"), (nan,) * 3)
-        late |= {"q_WB": (nan,) * 4, "rotation_cov_W_rad2": (nan,) * 6}
-    else:
-        late |= dict.fromkeys(("slope_sagittal_rad", "slope_frontal_rad", "height_m", "disparity_noise_px"), nan)
-        late |= {"inlier_share": nan, "covariance": (nan,) * 6}
-    return msgspec.structs.replace(estimate, **late)
+        return Attitude.invalid(
+            t_sample_ns=estimate.t_sample_ns, reason=Reason.LATE, calibration_id=estimate.calibration_id
+        )
+    return GroundPlane.invalid(
+        t_exposure_ns=estimate.t_exposure_ns,
+        frame_seq=estimate.frame_seq,
+        reason=Reason.LATE,
+        ahead_m=estimate.ahead_m,
+        calibration_id=estimate.calibration_id,
+        matched_share=estimate.matched_share,
+    )

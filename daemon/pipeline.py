@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from daemon.config import parse_configuration
 from daemon.health import HealthMonitor
 from messages import (
+    TOPICS,
     Estimate,
     Frame,
     GroundPlane,
@@ -22,7 +23,7 @@ from messages import (
 )
 from perception.attitude.track import AttitudeTrack
 from perception.frame_guard import FrameGuard
-from perception.ground.estimator import GroundEstimator, no_ground
+from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
 from perception.motion.watch import MotionWatch
 
@@ -35,7 +36,7 @@ SILENCE_NS = 120_000_000
 OTHER_CAMERA_NS = 1_000_000_000
 """When no frame has arrived for this long, the next may be another camera's, with timing of its own."""
 
-FRAME_PERIOD_NS = 50_000_000
+FRAME_PERIOD_NS = TOPICS["frame"].period_ns
 
 IMU_SILENCE_NS = 25_000_000
 """When no IMU sample has arrived for this long, attitude and ground are invalid at once, not with the next frame."""
@@ -163,7 +164,15 @@ class Pipeline:
         )
 
     def _without_frame(self, t_ns: int, reason: Reason) -> GroundPlane:
-        return self._counted(no_ground(t_ns, NO_FRAME_SEQ, reason, self._foothold.ahead_m, self._calibration_id))
+        return self._counted(
+            GroundPlane.invalid(
+                t_exposure_ns=t_ns,
+                frame_seq=NO_FRAME_SEQ,
+                reason=reason,
+                ahead_m=self._foothold.ahead_m,
+                calibration_id=self._calibration_id,
+            )
+        )
 
     def _counted(self, ground: GroundPlane) -> GroundPlane:
         self._health.said(ground)

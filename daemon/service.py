@@ -25,6 +25,7 @@ from daemon.watch import LoadDecision, Outage
 from daemon.watchdog import Progress
 from drivers.protocols import AnkleSource, DeviceError, FrameSource, ImuSource
 from messages import (
+    TOPICS,
     CanBusHealth,
     DeviceCounters,
     DropCause,
@@ -38,7 +39,7 @@ from messages import (
 
 log = logging.getLogger("gaiteyes")
 
-TICK_NS = 10_000_000
+TICK_NS = TOPICS["tick"].period_ns
 REOPEN_PAUSE_S = 0.2
 _THREAD = "gaiteyes-"
 LATE_NS = 100_000_000

@@ -1,4 +1,6 @@
-"""Array types, by the numbers they hold. A shape stands in the docstring of whatever takes or returns the array."""
+"""Array types, by the numbers they hold, and the size of an array. A shape stands in the docstring of whatever takes or
+returns the array.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,3 +17,14 @@ DepthImage = NDArray[np.uint16]
 """Depth in the camera's unit, 0 where unknown, (height, width)."""
 FloatImage = NDArray[np.float32]
 """One number a pixel, such as a disparity in px, (height, width)."""
+
+
+def rms(values: FloatArray) -> float:
+    """Return the root of the mean square of all `values`; NaN in any makes it NaN."""
+    return float(np.sqrt((values**2).mean()))
+
+
+def column_rms(values: FloatArray) -> FloatArray:
+    """Return the root mean square (…) of each column of `values` (n, …)."""
+    found: FloatArray = np.sqrt((values**2).mean(axis=0))
+    return found

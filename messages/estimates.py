@@ -13,6 +13,8 @@ Quaternion = tuple[float, float, float, float]
 Covariance3 = tuple[float, float, float, float, float, float]
 """Upper triangle (00, 01, 02, 11, 12, 22) of a symmetric 3×3 matrix."""
 
+_NAN = float("nan")
+
 
 def upper_triangle(symmetric: FloatArray) -> Covariance3:
     """Return a symmetric (3, 3) array as a message's covariance."""
@@ -49,6 +51,19 @@ class Reason(str, enum.Enum):
     IMU_INCONSISTENT = "imu_inconsistent"  # the IMU feels another motion than the camera sees
     EYES_MISALIGNED = "eyes_misaligned"  # one eye sees everything higher than its calibration says
 
+    @property
+    def status(self) -> Status:
+        """Return the status of an estimate for this reason."""
+        if self is Reason.NONE:
+            return Status.VALID
+        return Status.INITIALISING if self in (Reason.STARTING, Reason.NOT_AT_REST) else Status.INVALID
+
+
+def _without_numbers(reason: Reason) -> Status:
+    if reason is Reason.NONE:
+        raise ValueError("an estimate without numbers says why: its reason is none")
+    return reason.status
+
 
 class Attitude(msgspec.Struct, frozen=True, kw_only=True):
     """Orientation of the IMU at `t_sample_ns`.
@@ -65,6 +80,23 @@ class Attitude(msgspec.Struct, frozen=True, kw_only=True):
     gyro_bias_B_radps: Vec3
     rotation_cov_W_rad2: Covariance3
     calibration_id: str
+
+    @classmethod
+    def invalid(cls, *, t_sample_ns: int, reason: Reason, calibration_id: str) -> "Attitude":
+        """Return the attitude that says only why there is none: NaN in place of every number.
+
+        Raises ValueError for `Reason.NONE`.
+        """
+        return cls(
+            t_sample_ns=t_sample_ns,
+            status=_without_numbers(reason),
+            reason=reason,
+            q_WB=(_NAN,) * 4,
+            w_WB_B_radps=(_NAN,) * 3,
+            gyro_bias_B_radps=(_NAN,) * 3,
+            rotation_cov_W_rad2=(_NAN,) * 6,
+            calibration_id=calibration_id,
+        )
 
 
 class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
@@ -89,6 +121,37 @@ class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
     inlier_share: float
     disparity_noise_px: float
     calibration_id: str
+
+    @classmethod
+    def invalid(
+        cls,
+        *,
+        t_exposure_ns: int,
+        frame_seq: int,
+        reason: Reason,
+        ahead_m: float,
+        calibration_id: str,
+        matched_share: float = _NAN,
+    ) -> "GroundPlane":
+        """Return the estimate that says only why there is none: NaN for the ground, its covariance and its fit.
+
+        Raises ValueError for `Reason.NONE`.
+        """
+        return cls(
+            t_exposure_ns=t_exposure_ns,
+            frame_seq=frame_seq,
+            status=_without_numbers(reason),
+            reason=reason,
+            slope_sagittal_rad=_NAN,
+            slope_frontal_rad=_NAN,
+            height_m=_NAN,
+            covariance=(_NAN,) * 6,
+            ahead_m=ahead_m,
+            matched_share=matched_share,
+            inlier_share=_NAN,
+            disparity_noise_px=_NAN,
+            calibration_id=calibration_id,
+        )
 
 
 class Health(msgspec.Struct, frozen=True, kw_only=True):

@@ -36,6 +36,11 @@ class Topic(msgspec.Struct, frozen=True, kw_only=True):
     drop: DropRule
     published: bool = False
 
+    @property
+    def period_ns(self) -> int:
+        """Return the time from one message to the next. Raises ZeroDivisionError for a topic on change."""
+        return round(1e9 / self.rate_hz)
+
     def key(self, device: str, *, replay: bool = False) -> str:
         """Return the Zenoh key under which `device` publishes; a replay has a branch of its own."""
         return f"gaiteyes/{device}/{'replay/' if replay else ''}{self.name}/v1"

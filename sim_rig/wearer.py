@@ -10,7 +10,7 @@ import numpy as np
 from drivers.camera.frame_pool import FramePair
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
-from messages import Calibration, Frame, GroundTruth, ImuSample, StereoFrame, Tick
+from messages import TOPICS, Calibration, Frame, GroundTruth, ImuSample, StereoFrame, Tick
 from sim_rig.camera.rendered_frames import RenderedFrames, Scene
 from sim_rig.camera.rig_camera import RigCamera
 from sim_rig.camera.shutter import Shutter
@@ -25,7 +25,7 @@ from sim_rig.walk.truth import TruthSource, rectified_axis_L
 _IMU_ADDRESS = 0x68
 _IMU_POLL_NS = 5_000_000
 _POLL_LATENESS_S = 0.15e-3
-_TICK_NS = 10_000_000
+_TICK_NS = TOPICS["tick"].period_ns
 _BOOT_NS = 500_000_000
 
 

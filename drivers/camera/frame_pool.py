@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from messages import FrameHeader, StereoFrame
+from messages import TOPICS, FrameHeader, StereoFrame
 from messages.arrays import GreyImage
 
-GRID_NS = 50_000_000
+GRID_NS = TOPICS["frame"].period_ns
 """20 frames a second, the rate the daemon works at."""
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from drivers.camera import v4l2_abi as v4l2
-from drivers.camera.frame_pool import GRID_NS
+from messages import TOPICS
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 """An image as the kernel shows it, (height_px, width_px): one number a pixel, in YUYV with Y as its low byte."""
@@ -25,7 +25,7 @@ PIXEL_TYPES: dict[int, DTypeLike] = {
 GREY_FORMATS = (v4l2.V4L2_PIX_FMT_GREY, v4l2.V4L2_PIX_FMT_YUYV)
 """Both hold the luminance unpacked; GREY needs half the bandwidth."""
 
-_GRID_HZ = 1e9 / GRID_NS
+_GRID_HZ = TOPICS["frame"].rate_hz
 _SAME_RATE = 0.01
 _LONGEST_LIST = 256
 

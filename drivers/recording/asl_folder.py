@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from drivers.protocols import DeviceError
 from drivers.recording.asl_tables import Table, read_table
-from messages import DropCause, DroppedFrame, FrameHeader, ImuSample, Input, StereoFrame, Tick, vec3
+from messages import TOPICS, DropCause, DroppedFrame, FrameHeader, ImuSample, Input, StereoFrame, Tick, vec3
 from messages.arrays import FloatArray, GreyImage, IntArray
 
 FRAME_LATENCY_NS = 40_000_000
@@ -33,7 +33,7 @@ START_NS = 1_250_000_000
 recording begins with its first image there would be none for the images of that second."""
 
 PAIR_TOLERANCE_NS = 5_000_000
-TICK_NS = 10_000_000
+TICK_NS = TOPICS["tick"].period_ns
 TAIL_NS = 50_000_000
 """Ticks go on for this long after the last arrival, so that nothing is left waiting."""
 

@@ -26,7 +26,7 @@ from scipy.signal import lfilter
 from impedance.ankle.mixed_model import Block, MixedFit, Prior, fit
 from impedance.ankle.motion import AnkleMotion, Bodies, bodies_of, motion_of
 from impedance.ankle.trial import AnkleTrial, Perturbation
-from messages.arrays import BoolArray, FloatArray, IntArray
+from messages.arrays import BoolArray, FloatArray, IntArray, rms
 from messages.constants import NORMAL_95
 from messages.errors import UserError
 
@@ -160,8 +160,8 @@ def _identify_axis(
         inertia_kgm2=inertia,
         inertia_deviation_kgm2=inertia_deviation,
         noise_nm=found.sigma,
-        drift_nm=_rms(parts["drift_line"] + parts["drift_bend"]),
-        reflex_nm=_rms(parts["reflex"]) if "reflex" in parts else 0.0,
+        drift_nm=rms(parts["drift_line"] + parts["drift_bend"]),
+        reflex_nm=rms(parts["reflex"]) if "reflex" in parts else 0.0,
         accounted=float(1.0 - found.residual.var() / (found.residual + perturbed).var()),
         fitted_nm=motion.moment[used, axis] - found.residual,
     )
@@ -284,7 +284,3 @@ def _line_and_bend(count: int) -> tuple[FloatArray, FloatArray]:
     line = np.column_stack((np.ones(count), np.linspace(-1.0, 1.0, count)))
     second = np.diff(np.eye(count), n=2, axis=0)
     return line, second.T @ np.linalg.inv(second @ second.T)
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt((values**2).mean()))

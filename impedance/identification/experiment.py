@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 from impedance.identification.eiv import NoiseModel
 from impedance.identification.mechanism import UniversalJoint
 from impedance.identification.observability import about_cog, about_cog_slope
-from messages.arrays import ComplexArray, FloatArray
+from messages.arrays import ComplexArray, FloatArray, rms
 from messages.constants import NORMAL_95
 
 _JYY = 5
@@ -101,7 +101,7 @@ def information_per_second(
     root = model.weights(f_hz, vector, np.eye(6))[0] * np.sqrt(np.where(f_hz == 0.0, 1.0, 2.0) / n)[:, None, None]
     whitened = (root @ D).reshape(-1, 10)
     information = (whitened.conj().T @ whitened).real / excitation.period_s
-    return information, float(np.sqrt(np.mean(motion.alpha[:, 1] ** 2)))
+    return information, rms(motion.alpha[:, 1])
 
 
 def designed(

@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from messages.arrays import BoolArray, FloatArray
+from messages.arrays import BoolArray, FloatArray, rms
 from messages.errors import UserError
 
 _BAND_HZ: Final = (3.0, 15.0)
@@ -152,7 +152,7 @@ def _check_slopes(
         if float(np.nanstd(motion[:, (4, 5)[axis]])) < _LEAST_SWING_RAD:
             continue
         if _agreement(position[:, axis : axis + 1], angle[:, axis : axis + 1]) > _AGREES:
-            ratio = _rms(position[:, axis]) / (joint_to_surface_m * _rms(angle[:, axis]))
+            ratio = rms(position[:, axis]) / (joint_to_surface_m * rms(angle[:, axis]))
             if ratio > _NEITHER:
                 raise UserError(
                     f"{where[0]}: {name} swings {ratio:.3g} times what {turn} says: wrong unit, like mm for m"
@@ -162,13 +162,13 @@ def _check_slopes(
                     f"{where[0]}: {turn} swings {1.0 / ratio:.3g} times what {name} says: wrong unit, like ° for rad"
                 )
     if _agreement(force, angle) > _AGREES:
-        share = _rms(force) / (plate_mass_kg * joint_to_surface_m * _rms(angle))
+        share = rms(force) / (plate_mass_kg * joint_to_surface_m * rms(angle))
         if share < _LEAST_FORCE_SHARE:
             raise UserError(
                 f"{where[1]}: fx_n, fz_n are {share:.2g} of what moves the plate alone: wrong unit, like kN for N"
             )
     if _agreement(moment, angle) > _AGREES and _agreement(force, angle) > _AGREES:
-        lever_m = _rms(moment) / _rms(force)
+        lever_m = rms(moment) / rms(force)
         if lever_m > _LONGEST_LEVER_M:
             raise UserError(
                 f"{where[1]}: tx_nm, tz_nm are {lever_m:.3g} m times the forces: wrong unit, like N mm for N m"
@@ -219,7 +219,3 @@ def _swap_words(k: int, order: list[int], signs: FloatArray) -> str:
     reversed_ = [names[j] for j in range(3) if signs[j] < 0.0]
     said = [f"swapped axes: {', '.join(moved)}"] if moved else []
     return "; ".join(said + ([f"reversed sign: {', '.join(reversed_)}"] if reversed_ else []))
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

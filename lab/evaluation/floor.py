@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.recording.asl_folder import TruthTrack
 from messages import Frame, GroundPlane, Status, UnitCalibration
-from messages.arrays import FloatArray
+from messages.arrays import FloatArray, rms
 from perception import so3
 from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
@@ -78,14 +78,10 @@ def _score(pairs: list[tuple[GroundPlane, float]]) -> FloorScore:
     angle = np.arctan(np.hypot(np.tan(sagittal), np.tan(frontal)))
     return FloorScore(
         frames=int(np.isfinite(sagittal).sum()),
-        slope_sagittal_rms_deg=_rms(np.degrees(sagittal)),
-        slope_frontal_rms_deg=_rms(np.degrees(frontal)),
-        angle_rms_deg=_rms(np.degrees(angle)),
+        slope_sagittal_rms_deg=rms(np.degrees(sagittal)),
+        slope_frontal_rms_deg=rms(np.degrees(frontal)),
+        angle_rms_deg=rms(np.degrees(angle)),
         height_mean_m=float(height_m.mean()),
         height_error_mean_mm=float(error_mm.mean()),
-        height_error_rms_mm=_rms(error_mm),
+        height_error_rms_mm=rms(error_mm),
     )
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt((values**2).mean()))

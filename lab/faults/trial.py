@@ -9,7 +9,7 @@ import msgspec
 
 from lab.faults.fault import Expect
 from lab.faults.listener import Heard, HeardAttitude, HeardOnCan
-from messages import Reason
+from messages import TOPICS, Reason
 
 STEADY_FRAMES = 10
 """Valid frames in a row, none of them wrong, that make a recovery."""
@@ -19,7 +19,7 @@ LASTING_FLAGS = 4
 """So many flags within twice as many frames make one that is more than chance."""
 LEAST_SHARE = 0.9
 """Of the frames due, this many must be heard while a fault is tolerated; the host may delay some."""
-_FRAME_S = 0.05
+_FRAME_S = 1.0 / TOPICS["ground"].rate_hz
 
 
 class Times(NamedTuple):

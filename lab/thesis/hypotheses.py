@@ -30,7 +30,7 @@ from impedance.thesis.estimator import (
 from lab.thesis.causes import ALIASING, CAUSES, changed
 from lab.thesis.printed import FOOT, PLATE, RATES_HZ, ROWS, rows_of
 from lab.thesis.signals import Signals
-from messages.arrays import FloatArray
+from messages.arrays import FloatArray, rms
 from messages.errors import UserError
 from sim_rig.platform import rig
 from sim_rig.platform.run import RunSettings, SimulatedRun, simulate
@@ -211,22 +211,22 @@ class Misfit:
     @property
     def fit(self) -> float:
         """Return the RMS over both tables at 29 and 40 Hz: what sizes are fitted by."""
-        return _rms(self.z[list(FIT)])
+        return rms(self.z[list(FIT)])
 
     @property
     def foot_fit(self) -> float:
         """Return the RMS over the foot at 29 and 40 Hz."""
-        return _rms(self.z[list(FIT), FOOT_AT:])
+        return rms(self.z[list(FIT), FOOT_AT:])
 
     @property
     def foot_test(self) -> float:
         """Return the RMS over the foot at 67 Hz, which no size was fitted to."""
-        return _rms(self.z[TEST, FOOT_AT:])
+        return rms(self.z[TEST, FOOT_AT:])
 
     @property
     def plate(self) -> float:
         """Return the RMS over the plate at all rates."""
-        return _rms(self.z[:, :FOOT_AT])
+        return rms(self.z[:, :FOOT_AT])
 
     @property
     def missed(self) -> list[str]:
@@ -238,10 +238,6 @@ class Misfit:
     def reproduces(self) -> bool:
         """Tell whether every cell of both tables is met at all rates and the foot's Jx is printed as 0.0 each time."""
         return self.pinned and not self.missed
-
-
-def _rms(z: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.square(z))))
 
 
 def first_hypotheses(names: Sequence[str]) -> list[dict[str, float]]:

@@ -99,9 +99,7 @@ class AttitudeFilter:
     @property
     def status(self) -> Status:
         """Return VALID while the tilt is known, from samples, to `usable_tilt_rad`, 1 σ."""
-        if self.reason is Reason.NONE:
-            return Status.VALID
-        return Status.INVALID if self.reason is Reason.NO_IMU else Status.INITIALISING
+        return self.reason.status
 
     @property
     def reason(self) -> Reason:

@@ -124,30 +124,17 @@ class AttitudeTrack:
         self._before_start.clear()
 
     def unfelt(self, t_ns: int, reason: Reason = Reason.NO_IMU) -> Attitude:
-        """Return the attitude that says only why it is invalid at `t_ns`: samples have stopped, or contradict."""
-        return self._without_numbers(t_ns, Status.INVALID, reason)
-
-    def _without_numbers(self, t_sample_ns: int, status: Status, reason: Reason) -> Attitude:
-        nan = float("nan")
-        return Attitude(
-            t_sample_ns=t_sample_ns,
-            status=status,
-            reason=reason,
-            q_WB=(nan,) * 4,
-            w_WB_B_radps=(nan,) * 3,
-            gyro_bias_B_radps=(nan,) * 3,
-            rotation_cov_W_rad2=(nan,) * 6,
-            calibration_id=self._calibration_id,
-        )
+        """Return the attitude that says only why there is none at `t_ns`."""
+        return Attitude.invalid(t_sample_ns=t_ns, reason=reason, calibration_id=self._calibration_id)
 
     def _message(self, t_sample_ns: int, rotation_cov_W: FloatArray) -> Attitude:
-        status = self._filter.status
-        if status is not Status.VALID:
-            return self._without_numbers(t_sample_ns, status, self._filter.reason)
+        reason = self._filter.reason
+        if reason is not Reason.NONE:
+            return self.unfelt(t_sample_ns, reason)
         return Attitude(
             t_sample_ns=t_sample_ns,
-            status=status,
-            reason=self._filter.reason,
+            status=Status.VALID,
+            reason=reason,
             q_WB=self._filter.q_WB,
             w_WB_B_radps=self._filter.w_WB_B,
             gyro_bias_B_radps=self._filter.gyro_bias,

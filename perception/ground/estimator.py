@@ -88,13 +88,13 @@ class GroundEstimator:
 
     def refused(self, frame: Frame, reason: Reason, matched_share: float = float("nan")) -> GroundPlane:
         """Return the estimate that says only why `frame` gives none."""
-        return no_ground(
-            frame.header.t_exposure_ns,
-            frame.header.seq,
-            reason,
-            self._foothold.ahead_m,
-            self._calibration_id,
-            matched_share,
+        return GroundPlane.invalid(
+            t_exposure_ns=frame.header.t_exposure_ns,
+            frame_seq=frame.header.seq,
+            reason=reason,
+            ahead_m=self._foothold.ahead_m,
+            calibration_id=self._calibration_id,
+            matched_share=matched_share,
         )
 
     def _mounting_cov(self, w_B_radps: Vec3) -> FloatArray:
@@ -116,34 +116,6 @@ def _slope_cov(plane: Plane, cov_abh: FloatArray) -> FloatArray:
     slope_per_gradient = np.diag([1.0 / (1.0 + plane.gradient[0] ** 2), 1.0 / (1.0 + plane.gradient[1] ** 2), 1.0])
     cov: FloatArray = slope_per_gradient @ cov_abh @ slope_per_gradient
     return cov
-
-
-def no_ground(
-    t_exposure_ns: int,
-    frame_seq: int,
-    reason: Reason,
-    ahead_m: float,
-    calibration_id: str,
-    matched_share: float = float("nan"),
-) -> GroundPlane:
-    """Return an estimate without numbers: NaN, a status and the reason."""
-    nan = float("nan")
-    starting = reason in (Reason.STARTING, Reason.NOT_AT_REST)
-    return GroundPlane(
-        t_exposure_ns=t_exposure_ns,
-        frame_seq=frame_seq,
-        status=Status.INITIALISING if starting else Status.INVALID,
-        reason=reason,
-        slope_sagittal_rad=nan,
-        slope_frontal_rad=nan,
-        height_m=nan,
-        covariance=(nan,) * 6,
-        ahead_m=ahead_m,
-        matched_share=matched_share,
-        inlier_share=nan,
-        disparity_noise_px=nan,
-        calibration_id=calibration_id,
-    )
 
 
 def heading(R_WC: FloatArray) -> FloatArray | None:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from messages.arrays import FloatArray
+from messages.arrays import FloatArray, column_rms
 
 
 @dataclass(frozen=True)
@@ -107,8 +107,8 @@ def rate_misfit(seen: Seen, felt: Felt, lag_s: float) -> RateMisfit:
     felt_radps = _mean_rates(seen, felt, np.array([[lag_s]]))[0]
     error = felt_radps - seen.w_B_radps
     bias = error.mean(axis=0)
-    swing = np.maximum(_rms(_centred(felt_radps)), _rms(_centred(seen.w_B_radps)))
-    return RateMisfit(swing, _rms(error - bias), bias, *_mount(error - bias, _centred(seen.w_B_radps)))
+    swing = np.maximum(column_rms(_centred(felt_radps)), column_rms(_centred(seen.w_B_radps)))
+    return RateMisfit(swing, column_rms(error - bias), bias, *_mount(error - bias, _centred(seen.w_B_radps)))
 
 
 def _mount(error: FloatArray, seen_radps: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -204,11 +204,6 @@ def interpolated(times_s: FloatArray, t_s: FloatArray, values: FloatArray) -> Fl
 def _centred(values: FloatArray) -> FloatArray:
     centred: FloatArray = values - values.mean(axis=0)
     return centred
-
-
-def _rms(values: FloatArray) -> FloatArray:
-    rms: FloatArray = np.sqrt((values**2).mean(axis=0))
-    return rms
 
 
 _TINY = 1e-12

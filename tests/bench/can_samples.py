@@ -45,14 +45,10 @@ def ground(**changes: object) -> GroundPlane:
 
 
 def invalid_ground(status: Status = Status.INVALID, reason: Reason = Reason.NO_FRAME) -> GroundPlane:
-    return ground(
-        status=status,
-        reason=reason,
-        slope_sagittal_rad=NAN,
-        slope_frontal_rad=NAN,
-        height_m=NAN,
-        covariance=(NAN,) * 6,
+    invalid = GroundPlane.invalid(
+        t_exposure_ns=1_000_000_000, frame_seq=3, reason=Reason.NO_FRAME, ahead_m=0.6, calibration_id="a3f01234"
     )
+    return msgspec.structs.replace(invalid, status=status, reason=reason)
 
 
 def attitude() -> Attitude:

@@ -76,20 +76,13 @@ def depth_frame(seq: int, t_ns: int, width_px: int = 32, height_px: int = 20) ->
 
 
 def ground(seq: int, t_ns: int) -> GroundPlane:
-    return GroundPlane(
+    return GroundPlane.invalid(
         t_exposure_ns=t_ns,
         frame_seq=seq,
-        status=Status.INVALID,
         reason=Reason.LOW_TEXTURE,
-        slope_sagittal_rad=NAN,
-        slope_frontal_rad=NAN,
-        height_m=NAN,
-        covariance=(NAN,) * 6,
         ahead_m=NAN,
-        matched_share=0.25,
-        inlier_share=NAN,
-        disparity_noise_px=NAN,
         calibration_id="0123abcd",
+        matched_share=0.25,
     )
 
 

@@ -20,7 +20,7 @@ from daemon.config import Configuration, format_configuration
 from daemon.recording_file import RecordingFile, RecordingInfo, entries_of
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
-from messages import Calibration, FrameHeader, ImuSample, Lens, Source, StereoFrame
+from messages import TOPICS, Calibration, FrameHeader, ImuSample, Lens, Source, StereoFrame
 from messages.arrays import FloatArray, GreyImage, IntArray
 from sim_rig.camera.renderer import Renderer
 from sim_rig.imu.i2c_bus import I2cWires
@@ -32,7 +32,7 @@ from sim_rig.walk.world import World
 
 Retouch = Callable[[int, GreyImage, GreyImage], tuple[GreyImage, GreyImage]]
 
-FRAME_NS = 50_000_000
+FRAME_NS = TOPICS["frame"].period_ns
 FOOTHOLD_M = 0.7
 _POLL_NS = 5_000_000
 _BOOT_NS = 2_700_000_000

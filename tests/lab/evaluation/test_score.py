@@ -22,15 +22,10 @@ VALID = GroundPlane(
     disparity_noise_px=0.2,
     calibration_id="x",
 )
-REFUSED = msgspec.structs.replace(
-    VALID,
-    status=Status.INVALID,
-    slope_sagittal_rad=np.nan,
-    slope_frontal_rad=np.nan,
-    height_m=np.nan,
-    covariance=(np.nan,) * 6,
+REFUSED, STARTING = (
+    GroundPlane.invalid(t_exposure_ns=1, frame_seq=1, reason=reason, ahead_m=0.7, calibration_id="x")
+    for reason in (Reason.NO_FRAME, Reason.STARTING)
 )
-STARTING = msgspec.structs.replace(REFUSED, status=Status.INITIALISING)
 TRUTH = GroundTruth(
     t_exposure_ns=1,
     slope_sagittal_rad=0.0,

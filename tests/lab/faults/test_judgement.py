@@ -44,7 +44,7 @@ def plane(slope_rad: float = 0.0, height_m: float = 0.9, deviation: float = 0.00
 
 
 def refused(reason: Reason) -> GroundPlane:
-    return msgspec.structs.replace(plane(NAN, NAN, NAN), slope_frontal_rad=NAN, status=Status.INVALID, reason=reason)
+    return GroundPlane.invalid(t_exposure_ns=1_000_000_000, frame_seq=3, reason=reason, ahead_m=0.6, calibration_id="x")
 
 
 @pytest.mark.parametrize(
