@@ -80,7 +80,7 @@ def number(value: float) -> float | None:
 
 
 def quantity(value: float, deviation: float, unit: str, interval: tuple[float, float] | None = None) -> Quantity:
-    """Return a quantity with `interval`, or with ± 1.96 deviations; what is not finite becomes null."""
+    """Return a quantity with `interval`, or with the 95 % one of its `deviation`; what is not finite becomes null."""
     low, high = interval if interval is not None else (value - NORMAL_95 * deviation, value + NORMAL_95 * deviation)
     return Quantity(number(value), number(low), number(high), unit)
 

@@ -12,7 +12,7 @@ from messages.constants import NORMAL_95
 class Score(msgspec.Struct, frozen=True, kw_only=True):
     """Accuracy on one kind of ground. Errors are RMS over the valid frames; NaN where there are none.
 
-    `coverage` is the share of the three numbers that lie within 1.96 of their own stated standard deviations.
+    `coverage` is the share of the three numbers that lie in their own stated 95 % interval.
     """
 
     frames: int

@@ -10,11 +10,12 @@ from impedance.identification.bound import propagated, true_information
 from impedance.identification.identification import BAND_SHARE, KnownBody, identify, problem_of
 from impedance.identification.mechanism import FreeBody, Mechanism, UniversalJoint
 from impedance.identification.noise_level import NoiseLevel, noise_level
-from impedance.identification.observability import INTERVAL_95, NAMES, about_cog, about_cog_slope
+from impedance.identification.observability import NAMES, about_cog, about_cog_slope
 from impedance.identification.spectra import Spectra
 from impedance.recording.recording import PlatformRecording, Poses
 from impedance.recording.synchronous import synchronous
 from messages.arrays import FloatArray
+from messages.constants import NORMAL_95
 from messages.errors import UserError
 from tests.bench.platform_motion import FOOT, L_M, PLATE, lines, noisy, recording, undeclared
 
@@ -161,7 +162,7 @@ def test_a_gap_costs_its_length_and_no_accuracy(clean: PlatformRecording) -> Non
     assert found.spectra.counted_s < whole.spectra.counted_s - 0.2
     off = (found.interval.mean(axis=1) - about_cog(PLATE.vector)) / found.observability.deviation
     assert np.abs(off).max() < 4.0
-    assert (np.abs(off) < INTERVAL_95).sum() >= 7
+    assert (np.abs(off) < NORMAL_95).sum() >= 7
 
 
 def test_noise_that_nobody_declared_is_estimated(clean: PlatformRecording) -> None:
