@@ -30,10 +30,9 @@ def demo(
     from cli.console import check_writable, score_table, write_json
     from cli.live import LiveStatus
     from cli.wiring import build_service, open_outlets, open_recorder, stopped_by_signals, summary_tables
-    from daemon.config import Configuration, load_configuration
-    from daemon.publish_zenoh import ZenohSettings
+    from daemon.config import Configuration, ZenohSettings, load_configuration
     from daemon.summary import Tally
-    from drivers.can.bus import parse_can
+    from drivers.can.settings import parse_can
     from drivers.imu.mpu6050 import Mpu6050
     from drivers.imu.settings import Mpu6050Settings
     from lab.evaluation.referee import Referee

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 
 from daemon.camera_seat import OpenCamera
-from daemon.config import CameraConfig, ImuConfig
+from daemon.config import CameraSettings, ImuSettings
 from drivers.camera.depth import V4l2DepthCamera
 from drivers.camera.pair import V4l2CameraPair
 from drivers.camera.side_by_side import V4l2StereoCamera
@@ -20,7 +20,7 @@ POOL_FRAMES = 16
 """One being filled, one waiting, one in the pipeline, eight in the recorder's queue, and some to spare."""
 
 
-def build_imu(config: ImuConfig) -> Mpu6050:
+def build_imu(config: ImuSettings) -> Mpu6050:
     """Return the driver of the IMU that is configured, not yet opened."""
     line = partial(GpiodDataReady, *parse_data_ready(config.data_ready)) if config.data_ready else None
     return Mpu6050(
@@ -28,7 +28,7 @@ def build_imu(config: ImuConfig) -> Mpu6050:
     )
 
 
-def camera_opener(config: CameraConfig, calibration: UnitCalibration) -> OpenCamera:
+def camera_opener(config: CameraSettings, calibration: UnitCalibration) -> OpenCamera:
     """Return what opens the camera that is configured, of the calibration's kind and size.
 
     It raises DeviceError if the camera is not there or is another one, or if it is not one for the calibration.
@@ -47,7 +47,7 @@ def camera_opener(config: CameraConfig, calibration: UnitCalibration) -> OpenCam
     return open_camera
 
 
-def _camera_kind(config: CameraConfig, calibration: UnitCalibration) -> Callable[..., FrameSource]:
+def _camera_kind(config: CameraSettings, calibration: UnitCalibration) -> Callable[..., FrameSource]:
     left, right, exposure_s, gain_percent = config.left, config.right, config.exposure_s, config.gain_percent
     if isinstance(calibration, DepthUnitCalibration):
         if left is not None or exposure_s is not None:

@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator, Sequence
 import msgspec
 import numpy as np
 
-from drivers.can.bus import CanSettings
 from drivers.can.link import CanLink
+from drivers.can.settings import CanSettings
 from drivers.imu.self_test import SelfTest
 from drivers.protocols import DeviceError, FrameSource, ImuSource
 from messages import TOPICS, Frame, ImuSample, StereoFrame

@@ -6,15 +6,13 @@ from typing import Annotated
 import msgspec
 import tomli
 
-from daemon.publish_zenoh import ZenohSettings
-from daemon.realtime import RealtimeConfig
-from drivers.can.bus import CanSettings
+from drivers.can.settings import CanSettings
 from messages import UserError
 from messages.checked import checked
 from perception.ground.foothold import FootholdSettings
 
 
-class ImuConfig(msgspec.Struct, frozen=True, kw_only=True):
+class ImuSettings(msgspec.Struct, frozen=True, kw_only=True):
     """The MPU-6050, or a relative, at `address` of /dev/i2c-`bus`.
 
     `data_ready` is the GPIO line on which its INT pin hangs, as CHIP:LINE ("/dev/gpiochip0:17"); without it the chip
@@ -26,7 +24,7 @@ class ImuConfig(msgspec.Struct, frozen=True, kw_only=True):
     data_ready: Annotated[str, msgspec.Meta(pattern="^(/[^:]+:[0-9]{1,3})?$")] = ""
 
 
-class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
+class CameraSettings(msgspec.Struct, frozen=True, kw_only=True):
     """The camera: `device` delivers both eyes side by side, as a ZED does, or depth; the calibration tells which, and
     the size of one eye. Or `left` and `right` are two cameras, used while they expose within `max_skew_s` of each other
     (see drivers.camera.pair for what that costs). A path of /dev/v4l/by-id or by-path outlives unplugging.
@@ -55,17 +53,30 @@ class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
             raise ValueError("exposure_s and gain_percent are a ZED's, not those of the two cameras left and right")
 
 
+class ZenohSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """Where to listen. The default is reachable from this host alone."""
+
+    listen: Annotated[str, msgspec.Meta(pattern="^[a-z]+/.+")] = "tcp/127.0.0.1:7447"
+
+
+class RealtimeSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """Whether to ask for real-time priorities and for memory that is never paged out."""
+
+    priorities: bool = True
+    lock_memory: bool = True
+
+
 class Configuration(msgspec.Struct, frozen=True, kw_only=True):
     """All settings. `device` is the name under which the unit publishes; `calibration` the path of its file."""
 
     device: Annotated[str, msgspec.Meta(pattern="^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")] = "gaiteyes"
     calibration: str = "calibration.yaml"
-    imu: ImuConfig = ImuConfig()
-    camera: CameraConfig = CameraConfig()
+    imu: ImuSettings = ImuSettings()
+    camera: CameraSettings = CameraSettings()
     foothold: FootholdSettings = FootholdSettings()
     zenoh: ZenohSettings = ZenohSettings()
     can: CanSettings = CanSettings()
-    realtime: RealtimeConfig = RealtimeConfig()
+    realtime: RealtimeSettings = RealtimeSettings()
 
 
 def load_configuration(path: Path) -> Configuration:

@@ -9,6 +9,7 @@ from messages import (
     DeviceCounters,
     DropCause,
     DroppedFrame,
+    Estimate,
     Frame,
     GroundPlane,
     Health,
@@ -29,12 +30,12 @@ class HealthMonitor:
         self._calibration_id = calibration_id
         self._imu_samples = self._imu_clipped = self._imu_lost = self._imu_refused = 0
         self._frames = self._frames_valid = self._ankle_states = 0
-        self._superseded: Counter[DropCause] = Counter()
-        self._refused: Counter[Reason] = Counter()
+        self._dropped_since_driver: Counter[DropCause] = Counter()
+        self._grounds_refused: Counter[Reason] = Counter()
         self._devices = DeviceCounters(t_ns=0)
         self._due_ns: int | None = None
 
-    def saw(self, message: Input) -> None:
+    def count_input(self, message: Input) -> None:
         """Count one input."""
         if isinstance(message, ImuSample):
             self._imu_samples += 1
@@ -43,22 +44,24 @@ class HealthMonitor:
         elif isinstance(message, Frame):
             self._frames += 1
         elif isinstance(message, DroppedFrame):
-            self._superseded[message.cause] += 1
+            self._dropped_since_driver[message.cause] += 1
         elif isinstance(message, AnkleState):
             self._ankle_states += 1
         elif isinstance(message, DeviceCounters):
             self._devices = message
 
-    def refused_sample(self) -> None:
+    def count_refused_sample(self) -> None:
         """Count one IMU sample that was not finite, or not later than the one before it."""
         self._imu_refused += 1
 
-    def said(self, ground: GroundPlane) -> None:
-        """Count one ground estimate by its status or reason."""
-        if ground.status is Status.VALID:
+    def count_estimate(self, estimate: Estimate) -> None:
+        """Count one ground estimate by its status or reason; others are not counted."""
+        if not isinstance(estimate, GroundPlane):
+            return
+        if estimate.status is Status.VALID:
             self._frames_valid += 1
         else:
-            self._refused[ground.reason] += 1
+            self._grounds_refused[estimate.reason] += 1
 
     def due(self, t_ns: int, load: Load) -> Iterator[Health]:
         """Yield the health message if a second has passed since the last one."""
@@ -81,8 +84,8 @@ class HealthMonitor:
             imu_edges_missed=devices.imu_edges_missed,
             frames=self._frames,
             frames_valid=self._frames_valid,
-            frames_dropped=dict(Counter(devices.frames_dropped) + self._superseded),
-            refused=dict(self._refused),
+            frames_dropped=dict(Counter(devices.frames_dropped) + self._dropped_since_driver),
+            refused=dict(self._grounds_refused),
             ankle_states=self._ankle_states,
             inbox_dropped=devices.inbox_dropped,
             recorder_dropped=devices.recorder_dropped,

@@ -71,7 +71,12 @@ class Pipeline:
 
         To be exhausted before the next step: what need not hold up an estimate is done after it.
         """
-        self._health.saw(message)
+        self._health.count_input(message)
+        for estimate in self._estimates(message):
+            self._health.count_estimate(estimate)
+            yield estimate
+
+    def _estimates(self, message: Input) -> Iterator[Estimate]:
         if isinstance(message, ImuSample):
             yield from self._feel(message)
         elif isinstance(message, Frame):
@@ -86,7 +91,7 @@ class Pipeline:
 
     def _feel(self, sample: ImuSample) -> Iterator[Estimate]:
         if not self._attitude.accepts(sample):
-            self._health.refused_sample()
+            self._health.count_refused_sample()
             return
         self._imu_heard_ns = max(sample.t_arrival_ns, self._imu_heard_ns or 0)
         self._imu_silent = False
@@ -104,7 +109,7 @@ class Pipeline:
         self._silent_from_ns = self._camera_due_ns = self._frame_heard_ns + SILENCE_NS
         doubt = self._frame_guard.judge(frame.header, frame.images)
         if doubt is not Reason.NONE:
-            yield self._counted(self._ground.refused(frame, doubt))
+            yield self._ground.refused(frame, doubt)
             return
         self._waiting = frame
         if self._is_felt(frame):
@@ -141,7 +146,7 @@ class Pipeline:
         self._waiting = None
         if self._motion.see(frame):
             self._attitude.forget()
-        yield self._counted(self._ground_of(frame))
+        yield self._ground_of(frame)
         if self._motion.judge():
             self._attitude.forget(turns_hold=self._motion.turns_hold)
         if self._motion.reason is Reason.NONE:
@@ -164,16 +169,10 @@ class Pipeline:
         )
 
     def _without_frame(self, t_ns: int, reason: Reason) -> GroundPlane:
-        return self._counted(
-            GroundPlane.invalid(
-                t_exposure_ns=t_ns,
-                frame_seq=NO_FRAME_SEQ,
-                reason=reason,
-                ahead_m=self._foothold.ahead_m,
-                calibration_id=self._calibration_id,
-            )
+        return GroundPlane.invalid(
+            t_exposure_ns=t_ns,
+            frame_seq=NO_FRAME_SEQ,
+            reason=reason,
+            ahead_m=self._foothold.ahead_m,
+            calibration_id=self._calibration_id,
         )
-
-    def _counted(self, ground: GroundPlane) -> GroundPlane:
-        self._health.said(ground)
-        return ground

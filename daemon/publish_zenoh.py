@@ -15,11 +15,11 @@ import contextlib
 import json
 import re
 from collections.abc import Mapping
-from typing import Annotated
 
 import msgspec
 import zenoh
 
+from daemon.config import ZenohSettings
 from drivers.protocols import DeviceError
 from messages import TOPIC_OF, TOPICS, Estimate, GroundPlane, Stamp, UnitCalibration
 from messages.codec import encode, encode_line, published_schemas
@@ -29,12 +29,6 @@ SEND_BUFFER_BYTES = 8192
 told of thousands of old planes first and of no new one for seconds; with this little it catches up at once."""
 
 _DEVICE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
-
-
-class ZenohSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """Where to listen. The default is reachable from this host alone."""
-
-    listen: Annotated[str, msgspec.Meta(pattern="^[a-z]+/.+")] = "tcp/127.0.0.1:7447"
 
 
 class ZenohPublisher:

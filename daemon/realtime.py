@@ -13,7 +13,6 @@ import sys
 from collections.abc import Iterator
 
 import cv2
-import msgspec
 
 log = logging.getLogger("gaiteyes")
 
@@ -25,13 +24,6 @@ thread waits for as long as other processes keep an ordinary thread that holds t
 """
 
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
-
-
-class RealtimeConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """Whether to ask for real-time priorities and for memory that is never paged out."""
-
-    priorities: bool = True
-    lock_memory: bool = True
 
 
 def request_priorities() -> bool:

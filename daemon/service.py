@@ -16,12 +16,13 @@ from dataclasses import dataclass
 
 from daemon.inbox import Inbox
 from daemon.latency import LatencyLog
+from daemon.load import LoadDecision
 from daemon.outgoing import Observer, Outgoing, Publisher
 from daemon.pipeline import Pipeline
 from daemon.realtime import be_ordinary, paced_interpreter, prioritise, request_priorities
 from daemon.recorder import Recorder
 from daemon.stamping import Stamper
-from daemon.watch import LoadDecision, Outage
+from daemon.watch import Outage
 from daemon.watchdog import Progress
 from drivers.protocols import AnkleSource, DeviceError, FrameSource, ImuSource
 from messages import (

@@ -3,32 +3,11 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from smbus2 import i2c_msg
-
 from messages import AnkleState, CanBusHealth, DropCause, Frame, ImuSample, StereoFrame, UserError
 
 
 class DeviceError(UserError):
     """A device is absent, is another one than expected, or failed beyond repair. One clear line for a person."""
-
-
-class RegisterBus(Protocol):
-    """The part of smbus2.SMBus that the drivers use. Faults are raised as OSError with the kernel's errno."""
-
-    def read_byte_data(self, i2c_addr: int, register: int) -> int:
-        """Read one register."""
-
-    def write_byte_data(self, i2c_addr: int, register: int, value: int) -> None:
-        """Write one register."""
-
-    def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
-        """Read up to 32 consecutive registers."""
-
-    def i2c_rdwr(self, *i2c_msgs: i2c_msg) -> None:
-        """Run a combined transfer; the messages to read are filled in place."""
-
-    def close(self) -> None:
-        """Release the bus."""
 
 
 class DataReadyLine(Protocol):

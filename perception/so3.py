@@ -19,6 +19,7 @@ Rows = tuple[float, float, float, float, float, float, float, float, float]
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 _SMALL_ANGLE_RAD = 1e-4
+_SMALL_ANGLE_OF_SERIES_RAD = 1e-3
 
 
 def skew(v: FloatArray) -> FloatArray:
@@ -119,6 +120,22 @@ def transform(rows: Rows, v: Vec3) -> Vec3:
 def matrix_from_quaternion(q: Quaternion) -> FloatArray:
     """Return the (3, 3) rotation matrix of the unit quaternion `q`."""
     return np.array(rows_from_quaternion(q)).reshape(3, 3)
+
+
+def matrices_from_rotvecs(rotvecs: FloatArray) -> FloatArray:
+    """Return the (n, 3, 3) rotations by |rotvec| radians about each of the (n, 3) `rotvecs`."""
+    square = (rotvecs * rotvecs).sum(axis=1)
+    angle = np.sqrt(square)
+    small = angle <= _SMALL_ANGLE_OF_SERIES_RAD
+    series = 0.5 - square / 48.0 + square * square / 3840.0
+    half_sinc = np.where(small, series, np.sin(0.5 * angle) / np.where(small, 1.0, angle))
+    w, (x, y, z) = np.cos(0.5 * angle), (half_sinc[:, None] * rotvecs).T
+    rows = (
+        (x * x - y * y - z * z + w * w, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), -x * x + y * y - z * z + w * w, 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), -x * x - y * y + z * z + w * w),
+    )
+    return np.ascontiguousarray(np.array(rows).transpose(2, 0, 1))
 
 
 def quaternion_from_matrix(R: FloatArray) -> Quaternion:

@@ -8,7 +8,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 
-from drivers.camera.frame_pool import GridPicker
+from drivers.camera.frame_grid import GridPicker
 from drivers.camera.v4l2_device import Kernel, V4l2Device
 from drivers.camera.v4l2_formats import Pixels, WantedFormat
 from drivers.camera.v4l2_source import FrameT, V4l2Source

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drivers.camera.frame_pool import FramePool, GridPicker
+from drivers.camera.frame_grid import GridPicker
+from drivers.camera.frame_pool import FramePool
 from drivers.camera.v4l2_device import Kernel, V4l2Device
 from drivers.camera.v4l2_formats import GREY_FORMATS, WantedFormat
 from drivers.camera.v4l2_source import V4l2Source

@@ -5,17 +5,15 @@ Backends: `virtual` (inside one process), `socketcan`, `slcan` (a serial adapter
 """
 
 import contextlib
-import enum
 import os
 import termios
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
 
 import can
-import msgspec
 from can.interfaces.slcan import slcanBus
 
+from drivers.can.settings import CanInterface, CanSettings
 from drivers.protocols import DeviceError
 from messages.can_frames import CanFrame, CanMessage, can_id
 
@@ -23,41 +21,6 @@ RECEIVE_QUEUE_FRAMES = 64
 SERIAL_POLL_S = 0.02
 _IFF_UP = 0x1
 _NETWORK = Path("/sys/class/net")
-
-
-class CanInterface(str, enum.Enum):
-    """The backends of python-can that the project is tested with."""
-
-    VIRTUAL = "virtual"
-    SOCKETCAN = "socketcan"
-    SLCAN = "slcan"
-    UDP_MULTICAST = "udp_multicast"
-
-
-class CanSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """Which bus. `bitrate` and `settle_s` are for slcan: other backends take the bit rate the system has set.
-
-    `settle_s`: an adapter that restarts when its port is opened needs about 2 s before it listens.
-    """
-
-    interface: CanInterface = CanInterface.VIRTUAL
-    channel: str = "gaiteyes"
-    bitrate: Annotated[int, msgspec.Meta(ge=10_000, le=1_000_000)] = 500_000
-    settle_s: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 2.0
-
-    @property
-    def name(self) -> str:
-        """Return the bus as `parse_can` reads it."""
-        return f"{self.interface.value}:{self.channel}"
-
-
-def parse_can(text: str) -> CanSettings:
-    """Return the settings that `INTERFACE:CHANNEL` stands for, as in `socketcan:can0`. Raises DeviceError."""
-    interface, colon, channel = text.partition(":")
-    known = [member.value for member in CanInterface]
-    if interface not in known or not colon or not channel:
-        raise DeviceError(f"CAN '{text}': expected INTERFACE:CHANNEL with INTERFACE one of {', '.join(known)}")
-    return CanSettings(interface=CanInterface(interface), channel=channel)
 
 
 Send = Callable[[CanFrame], bool]

@@ -14,7 +14,8 @@ from collections.abc import Callable
 import can
 import msgspec
 
-from drivers.can.bus import CanSettings, Send, close_bus, forget_input, innermost, open_bus
+from drivers.can.bus import Send, close_bus, forget_input, innermost, open_bus
+from drivers.can.settings import CanSettings
 from drivers.can.state import CanStateWatch
 from drivers.protocols import DeviceError
 from messages import AnkleState, CanBusHealth, CanState

@@ -13,7 +13,7 @@ from typing import NoReturn
 
 from drivers.imu.chips import ChipModel, model_of
 from drivers.imu.frames import FRAME, fifo_count, new_output, split
-from drivers.imu.register_access import ATTEMPTS, RegisterAccess
+from drivers.imu.register_access import ATTEMPTS, RegisterAccess, RegisterBus
 from drivers.imu.registers import (
     FILTER_SETTLING_S,
     GYRO_START_S,
@@ -26,7 +26,7 @@ from drivers.imu.sample_wait import SampleWait
 from drivers.imu.self_test import SelfTest, run_self_test
 from drivers.imu.settings import Mpu6050Settings, configure
 from drivers.imu.stream import SampleStream
-from drivers.protocols import DataReadyLine, DeviceError, RegisterBus
+from drivers.protocols import DataReadyLine, DeviceError
 from messages import ImuSample
 
 _MIN_ROOM_FRAMES = 3  # with no more room than this the FIFO may overflow while it is being read

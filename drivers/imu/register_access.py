@@ -3,11 +3,11 @@
 import errno
 import fcntl
 from collections.abc import Callable, Sequence
-from typing import TypeVar, cast
+from typing import Protocol, TypeVar, cast
 
 from smbus2 import SMBus, i2c_msg
 
-from drivers.protocols import ImuCounters, RegisterBus
+from drivers.protocols import ImuCounters
 
 T = TypeVar("T")
 
@@ -15,6 +15,25 @@ ATTEMPTS = 3
 _PAUSE_S = 0.0005  # between attempts: longer than the disturbance of one transfer
 _I2C_TIMEOUT = 0x0702  # of linux/i2c-dev.h, in units of 10 ms
 _LONGEST_TRANSFER_10MS = 12  # 4096 bytes at 400 kHz take 92 ms
+
+
+class RegisterBus(Protocol):
+    """The part of smbus2.SMBus that the drivers use. Faults are raised as OSError with the kernel's errno."""
+
+    def read_byte_data(self, i2c_addr: int, register: int) -> int:
+        """Read one register."""
+
+    def write_byte_data(self, i2c_addr: int, register: int, value: int) -> None:
+        """Write one register."""
+
+    def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
+        """Read up to 32 consecutive registers."""
+
+    def i2c_rdwr(self, *i2c_msgs: i2c_msg) -> None:
+        """Run a combined transfer; the messages to read are filled in place."""
+
+    def close(self) -> None:
+        """Release the bus."""
 
 
 def open_i2c(number: int) -> RegisterBus:

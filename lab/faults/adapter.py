@@ -13,7 +13,7 @@ import tty
 from collections.abc import Iterator
 from pathlib import Path
 
-from drivers.can.bus import CanInterface, CanSettings
+from drivers.can.settings import CanInterface, CanSettings
 from messages import AnkleState, GaitPhase
 from messages.can_frames import CanEncoder, CanFrame
 

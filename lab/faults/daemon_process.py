@@ -17,16 +17,16 @@ from pathlib import Path
 import msgspec
 
 from calib.files import format_calibration
-from daemon.config import Configuration, format_configuration
+from daemon.config import Configuration, ZenohSettings, format_configuration
 from daemon.pipeline import Pipeline
 from daemon.publish_can import CanPublisher
-from daemon.publish_zenoh import ZenohPublisher, ZenohSettings
+from daemon.publish_zenoh import ZenohPublisher
 from daemon.recorder import Recorder, RecordingInfo
 from daemon.service import Devices, Service
 from daemon.stamping import Stamper, read_boot_id
 from drivers.camera.side_by_side import V4l2StereoCamera
-from drivers.can.bus import CanSettings
 from drivers.can.link import CanLink
+from drivers.can.settings import CanSettings
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
 from lab.faults.bench import Bench

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from calib.files import format_calibration
 from daemon.config import Configuration, format_configuration
 from daemon.recorder import Recorder, RecordingInfo
-from drivers.can.bus import CanSettings
+from drivers.can.settings import CanSettings
 from lab.faults.daemon_process import DaemonPlan
 from lab.faults.fault import USB_RECOVERY_S, Command, Expect, Fault, Layer, Restart
 from messages import Calibration, Source, matrix3, vec3

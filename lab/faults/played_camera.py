@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 
 from drivers.camera import v4l2_abi as v4l2
-from drivers.camera.frame_pool import GRID_NS
+from drivers.camera.frame_grid import GRID_NS
 from drivers.camera.v4l2_device import IoctlArgument, LinuxKernel
 from messages.arrays import GreyImage
 from sim_rig.camera.rendered_frames import Rendered

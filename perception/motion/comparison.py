@@ -14,9 +14,9 @@ Neither (1) nor (2) asks the attitude filter, and (2) does not ask the gyroscope
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from messages.arrays import FloatArray, column_rms
+from perception.so3 import matrices_from_rotvecs
 
 
 @dataclass(frozen=True)
@@ -126,14 +126,14 @@ def velocity_misfit(seen: Seen, felt: Felt, lag_s: float) -> VelocityMisfit:
     """Return how (2) holds."""
     durations_s = (seen.to_s - seen.from_s)[:, None]
     R_SB = _chained(seen)
-    R_after = R_SB @ _exp(seen.w_B_radps * durations_s)
+    R_after = R_SB @ matrices_from_rotvecs(seen.w_B_radps * durations_s)
     seen_S = np.einsum("nij,nj->ni", R_SB, seen.v_C_B_mps) - (R_after - R_SB) @ seen.p_BC_m / durations_s
 
     lagged_s = felt.t_s - lag_s
     first, last = np.searchsorted(lagged_s, (seen.from_s[0], seen.to_s[-1])).tolist()
     t_s, sf_B = lagged_s[max(0, first - 1) : last + 1], felt.sf_B_mps2[max(0, first - 1) : last + 1]
     step = np.clip(np.searchsorted(seen.from_s, t_s, side="right") - 1, 0, len(R_SB) - 1)
-    R_SB_then = R_SB[step] @ _exp((t_s - seen.from_s[step])[:, None] * seen.w_B_radps[step])
+    R_SB_then = R_SB[step] @ matrices_from_rotvecs((t_s - seen.from_s[step])[:, None] * seen.w_B_radps[step])
     by_axis_S = (R_SB_then * sf_B[:, None, :]).reshape(-1, 9)  # what each axis of the accelerometer adds, in S
     travel_S = integral(t_s, integral(t_s, by_axis_S))
     travelled_S = interpolated(seen.to_s, t_s, travel_S) - interpolated(seen.from_s, t_s, travel_S)
@@ -174,16 +174,10 @@ def _chained(seen: Seen) -> FloatArray:
     """Return R_SB (n, 3, 3) at the beginning of each step; the steps may meet a few milliseconds apart."""
     R_SB = np.empty((len(seen.from_s), 3, 3))
     R_SB[0] = np.eye(3)
-    turns = _exp(np.diff(seen.from_s)[:, None] * seen.w_B_radps[:-1])
+    turns = matrices_from_rotvecs(np.diff(seen.from_s)[:, None] * seen.w_B_radps[:-1])
     for k in range(len(turns)):
         R_SB[k + 1] = R_SB[k] @ turns[k]
     return R_SB
-
-
-def _exp(rotvecs: FloatArray) -> FloatArray:
-    """Return the rotation matrices (n, 3, 3) of rotation vectors (n, 3)."""
-    matrices: FloatArray = Rotation.from_rotvec(rotvecs).as_matrix()
-    return matrices
 
 
 def integral(t_s: FloatArray, rates: FloatArray) -> FloatArray:

@@ -5,7 +5,8 @@ from collections import deque
 
 import numpy as np
 
-from drivers.camera.frame_pool import GRID_NS, FramePool
+from drivers.camera.frame_grid import GRID_NS
+from drivers.camera.frame_pool import FramePool
 from messages import DropCause, StereoFrame
 from sim_rig.camera.rendered_frames import Rendered, RenderedFrames, Scene
 from sim_rig.camera.shutter import Shutter

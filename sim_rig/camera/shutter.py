@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drivers.camera.frame_pool import GRID_NS
+from drivers.camera.frame_grid import GRID_NS
 from messages import DepthCalibration, FrameHeader, StereoCalibration
 
 _LATENCY_S = (0.030, 0.045)

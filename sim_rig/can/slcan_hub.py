@@ -6,7 +6,7 @@ It stands in for a serial adapter where a bus has to reach another process witho
 import selectors
 import socket
 
-from drivers.can.bus import CanInterface, CanSettings
+from drivers.can.settings import CanInterface, CanSettings
 from messages import UserError
 
 PORT = 29536

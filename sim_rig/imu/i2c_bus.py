@@ -108,7 +108,7 @@ class I2cWires:
 
 
 class SimulatedI2cBus:
-    """One handle with the methods of smbus2.SMBus that `drivers.protocols.RegisterBus` names."""
+    """One handle with the methods of smbus2.SMBus that `drivers.imu.register_access.RegisterBus` names."""
 
     def __init__(self, wires: I2cWires) -> None:
         self._wires: I2cWires | None = wires

@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from cli.devices import camera_opener
-from daemon.config import CameraConfig
+from daemon.config import CameraSettings
 from drivers.protocols import DeviceError
 from messages import UnitCalibration
 from sim_rig.camera.depth_unit import draw_depth_unit
@@ -30,6 +30,6 @@ PAIR = {"left": "/dev/no-left", "right": "/dev/no-right"}
 def test_a_camera_that_is_not_there_is_told_by_the_driver_that_is_called_for(
     calibration: UnitCalibration, settings: dict[str, object], line: str
 ) -> None:
-    config = msgspec.convert({"device": "/dev/no-camera"} | settings, CameraConfig)
+    config = msgspec.convert({"device": "/dev/no-camera"} | settings, CameraSettings)
     with pytest.raises(DeviceError, match=line):
         camera_opener(config, calibration)()

@@ -8,7 +8,7 @@ import pytest
 
 from daemon import checkup
 from daemon.checkup import Finding, Verdict
-from drivers.can.bus import CanSettings
+from drivers.can.settings import CanSettings
 from drivers.imu.mpu6050 import Mpu6050Counters
 from drivers.imu.self_test import AxisTest, SelfTest
 from drivers.protocols import DeviceError

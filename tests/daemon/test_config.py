@@ -5,8 +5,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from daemon.config import CameraConfig, Configuration, format_configuration, load_configuration, parse_configuration
-from drivers.can.bus import CanInterface
+from daemon.config import CameraSettings, Configuration, format_configuration, load_configuration, parse_configuration
+from drivers.can.settings import CanInterface
 from messages import UserError
 from perception.ground.foothold import FootholdSettings
 
@@ -14,7 +14,7 @@ from perception.ground.foothold import FootholdSettings
 def test_defaults_survive_writing_and_reading() -> None:
     configuration = Configuration(
         device="left-leg",
-        camera=CameraConfig(left="/dev/video0", right="/dev/video2"),
+        camera=CameraSettings(left="/dev/video0", right="/dev/video2"),
         foothold=FootholdSettings(ahead_m=0.8),
     )
     assert parse_configuration(format_configuration(configuration), "x") == configuration

@@ -12,7 +12,8 @@ import msgspec
 import pytest
 import zenoh
 
-from daemon.publish_zenoh import ZenohPublisher, ZenohSettings
+from daemon.config import ZenohSettings
+from daemon.publish_zenoh import ZenohPublisher
 from drivers.protocols import DeviceError
 from messages import TOPICS, Calibration, Estimate, GroundPlane, Source
 from messages.codec import decode, published_schemas
@@ -157,7 +158,8 @@ def test_publishing_after_the_end_is_counted_and_not_raised(endpoint: str) -> No
 
 def test_a_publisher_that_was_never_closed_does_not_keep_its_process_alive(endpoint: str) -> None:
     program = f"""
-from daemon.publish_zenoh import ZenohPublisher, ZenohSettings
+from daemon.publish_zenoh import ZenohPublisher
+from daemon.config import ZenohSettings
 from tests.bench.can_samples import calibration
 settings = ZenohSettings(listen={endpoint!r})
 publisher = ZenohPublisher(settings, "unit-1", calibration=calibration(), configuration=settings)

@@ -4,7 +4,8 @@ import logging
 
 import pytest
 
-from daemon.watch import FRAMES_BEFORE_TOLD, IN_WORDS, GroundWatch, LoadDecision, Outage
+from daemon.load import LoadDecision
+from daemon.watch import FRAMES_BEFORE_TOLD, IN_WORDS, GroundWatch, Outage
 from drivers.protocols import DeviceError
 from messages import Load, Reason
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import can
 import pytest
 
-from drivers.can.bus import CanInterface, CanSettings
 from drivers.can.link import CanLink, SendResult
+from drivers.can.settings import CanInterface, CanSettings
 from drivers.protocols import DeviceError
 from messages import CanState
 from messages.can_frames import CanEncoder, CanMessage, can_id

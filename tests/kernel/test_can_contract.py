@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from drivers.can.bus import CanInterface, CanSettings
+from drivers.can.settings import CanInterface, CanSettings
 from tests.drivers.can import test_link_contract as test_can_link
 from tests.drivers.can.test_link_contract import Wire, joined
 from tests.kernel import can_links

@@ -9,9 +9,8 @@ import msgspec
 import numpy as np
 
 from calib.files import save_calibration
-from daemon.config import CameraConfig, Configuration, ImuConfig, format_configuration
-from daemon.publish_zenoh import ZenohSettings
-from drivers.can.bus import CanInterface, CanSettings
+from daemon.config import CameraSettings, Configuration, ImuSettings, ZenohSettings, format_configuration
+from drivers.can.settings import CanInterface, CanSettings
 from messages.arrays import FloatArray, GreyImage, IntArray
 from sim_rig.kernel.chip_server import INTERRUPT_LINE, gpio_chip_path
 from sim_rig.unit import draw_unit
@@ -54,8 +53,8 @@ class Wearable:
         """Write gaiteyes.toml and calibration.yaml."""
         configuration = Configuration(
             device=DEVICE,
-            imu=ImuConfig(bus=self.chip.bus_number, data_ready=f"{gpio_chip_path()}:{INTERRUPT_LINE}"),
-            camera=CameraConfig(device=loopback.NODE),
+            imu=ImuSettings(bus=self.chip.bus_number, data_ready=f"{gpio_chip_path()}:{INTERRUPT_LINE}"),
+            camera=CameraSettings(device=loopback.NODE),
             zenoh=ZenohSettings(listen=self.zenoh_endpoint),
             can=CanSettings(interface=CanInterface.SOCKETCAN, channel=CAN_NAME),
         )

@@ -38,6 +38,13 @@ def test_exp_is_the_matrix_exponential_and_log_its_inverse(rotvec: Vec3) -> None
     np.testing.assert_allclose(so3.log(R), rotvec, atol=1e-7)
 
 
+@given(st.lists(rotvecs(), min_size=1, max_size=5))
+@example([(1e-3, 0.0, 0.0), (1.0001e-3, 0.0, 0.0), (0.0, 0.0, 0.0)])
+def test_matrices_of_many_rotation_vectors_are_those_of_each(many: list[Vec3]) -> None:
+    each = [so3.exp(np.array(rotvec)) for rotvec in many]
+    np.testing.assert_allclose(so3.matrices_from_rotvecs(np.array(many)), each, rtol=0.0, atol=2e-15)
+
+
 @given(vectors, vectors)
 def test_skew_is_the_cross_product(u: Vec3, v: Vec3) -> None:
     np.testing.assert_allclose(so3.skew(np.array(u)) @ v, np.cross(u, v), atol=1e-14)

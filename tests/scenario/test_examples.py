@@ -12,11 +12,12 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from daemon.config import ZenohSettings
 from daemon.publish_can import CanPublisher
-from daemon.publish_zenoh import ZenohPublisher, ZenohSettings
+from daemon.publish_zenoh import ZenohPublisher
 from daemon.stamping import Stamper, read_boot_id
-from drivers.can.bus import CanInterface, CanSettings
 from drivers.can.link import CanLink
+from drivers.can.settings import CanInterface, CanSettings
 from drivers.protocols import DeviceError
 from messages import GroundPlane, Source
 from tests.bench.can_samples import calibration, ground, invalid_ground

@@ -13,8 +13,8 @@ from daemon.service import Devices, Service
 from daemon.stamping import Stamper, read_boot_id
 from drivers.camera.side_by_side import V4l2StereoCamera
 from drivers.camera.v4l2_device import LinuxKernel
-from drivers.can.bus import CanInterface, CanSettings
 from drivers.can.link import CanLink
+from drivers.can.settings import CanInterface, CanSettings
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
 from messages import Reason, Source

@@ -8,7 +8,7 @@ import pytest
 
 from daemon.config import Configuration, load_configuration
 from daemon.realtime import FIFO_PRIORITIES
-from drivers.can.bus import CanInterface, CanSettings
+from drivers.can.settings import CanInterface, CanSettings
 
 PROJECT = Path(__file__).parents[2]
 SYSTEMD = PROJECT / "systemd"

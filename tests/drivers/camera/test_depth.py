@@ -7,7 +7,7 @@ import pytest
 
 from calib.files import save_calibration
 from cli.devices import camera_opener
-from daemon.config import CameraConfig
+from daemon.config import CameraSettings
 from drivers.camera.depth import V4l2DepthCamera
 from drivers.protocols import DeviceError
 from messages import DepthFrame, DropCause
@@ -83,4 +83,4 @@ def test_the_calibration_decides_that_the_camera_is_one_of_depth(tmp_path: Path)
     _, calibration = draw_depth_unit(1, perfect_calibration=False)
     save_calibration(tmp_path / "depth.yaml", calibration)
     with pytest.raises(DeviceError, match="no such device"):
-        camera_opener(CameraConfig(device=str(tmp_path / "video9")), calibration)()
+        camera_opener(CameraSettings(device=str(tmp_path / "video9")), calibration)()

@@ -3,7 +3,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.camera.frame_pool import GRID_NS, GridPicker
+from drivers.camera.frame_grid import GRID_NS, GridPicker
 
 RATE_HZ = 60.0
 PERIOD_NS = round(1e9 / RATE_HZ)

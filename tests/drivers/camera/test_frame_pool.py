@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.camera.frame_pool import FramePair, FramePool, GridPicker
+from drivers.camera.frame_grid import GridPicker
+from drivers.camera.frame_pool import FramePair, FramePool
 from messages import FrameHeader, StereoFrame
 
 HEADER = FrameHeader(seq=0, t_exposure_ns=0, t_arrival_ns=0, exposure_s=math.nan, width_px=8, height_px=4)

@@ -20,8 +20,8 @@ import can
 import msgspec
 import pytest
 
-from drivers.can.bus import CanInterface, CanSettings, parse_can
 from drivers.can.link import CanLink, SendResult, reception_ns
+from drivers.can.settings import CanInterface, CanSettings, parse_can
 from drivers.can.state import CanStateWatch
 from drivers.protocols import AnkleSource, DeviceError
 from messages import AnkleState, CanState, GaitPhase

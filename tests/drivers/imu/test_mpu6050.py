@@ -10,9 +10,10 @@ from smbus2 import i2c_msg
 
 from drivers.imu.chips import CHIPS, REFUSED
 from drivers.imu.mpu6050 import Mpu6050, Mpu6050Counters
+from drivers.imu.register_access import RegisterBus
 from drivers.imu.registers import Register
 from drivers.imu.settings import Mpu6050Settings
-from drivers.protocols import DeviceError, RegisterBus
+from drivers.protocols import DeviceError
 from messages import ImuSample
 from messages.arrays import FloatArray, IntArray
 from tests.bench.imu_bench import ADDRESS, NOISY, ImuBench, lost_by_truth, still

@@ -9,7 +9,7 @@ from multiprocessing import active_children
 import numpy as np
 import pytest
 
-from drivers.camera.frame_pool import GRID_NS
+from drivers.camera.frame_grid import GRID_NS
 from drivers.protocols import DeviceError
 from messages import DropCause, StereoFrame
 from sim_rig.camera.rig_camera import RigCamera
