@@ -165,7 +165,7 @@ def odometry_errors(told: Walk) -> tuple[FloatArray, FloatArray]:
     R_BC = np.array(calibration.X_BL.R) @ odometer.R_LC
     errors, truths = [], []
     frames = (message for message in told.inputs if isinstance(message, StereoFrame))
-    motions = (odometer.see(frame.header.t_exposure_ns, frame.left, frame.right) for frame in frames)
+    motions = (odometer.add_frame(frame.header.t_exposure_ns, frame.left, frame.right) for frame in frames)
     for motion in (motion for motion in motions if isinstance(motion, EgoMotion)):
         from_ns, to_ns = shutter.true_of(motion.t_before_ns), shutter.true_of(motion.t_after_ns)
         truth = told.wearer.gait.at(np.linspace(from_ns, to_ns, 21).astype(np.int64))

@@ -2,7 +2,7 @@
 
 The rig's wearer walks on level ground, ramps and stairs, or stands, with the real driver on the simulated chip. Its
 samples go missing for a while at many phases of the stride; what the filter then says is judged from its first VALID
-on for three seconds. `restart` is a filter that knows nothing but the calibration, as after `AttitudeTrack.forget`.
+on for three seconds. `restart` is a filter that knows nothing but the calibration, as after `AttitudeTrack.roll_back`.
 """
 
 import argparse

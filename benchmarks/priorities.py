@@ -59,7 +59,7 @@ def _measure(scheme: str, seconds: float) -> None:
 
     def beat(name: str) -> None:
         if name in SCHEMES[scheme]:
-            realtime.prioritise(name)
+            realtime.set_priority(name)
         due_s = time.monotonic()
         while due_s < end_s:
             time.sleep(max(0.0, due_s - time.monotonic()))

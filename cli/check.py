@@ -32,24 +32,24 @@ def check(
         try:
             device.open()
             if self_test:
-                yield from checkup.look_at_self_test(device.self_test())
-            yield from checkup.look_at_imu(device, seconds)
+                yield from checkup.check_self_test(device.self_test())
+            yield from checkup.check_imu(device, seconds)
         finally:
             device.close()
 
     def camera() -> Iterator[Finding]:
         device = camera_opener(configuration.camera, calibration)()
         try:
-            yield from checkup.look_at_camera(device, seconds)
+            yield from checkup.check_camera(device, seconds)
         finally:
             device.close()
 
-    can = partial(checkup.look_at_can, configuration.can, seconds)
+    can = partial(checkup.check_can, configuration.can, seconds)
     looks: dict[str, Callable[[], Iterator[Finding]]] = {"IMU": imu, "camera": camera, "CAN": can}
     findings: list[Finding] = []
     for subject in progress(list(looks), "looking"):
         findings += checkup.guarded(subject, looks[subject])
-    findings += checkup.look_at_host()
+    findings += checkup.check_host()
     table(
         f"{config}, device {configuration.device}, calibration {calibration.id} of unit {calibration.unit}",
         ["", "verdict", "seen"],

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from functools import partial
 
-from daemon.camera_seat import OpenCamera
 from daemon.config import CameraSettings, ImuSettings
+from daemon.replaceable_camera import OpenCamera
 from drivers.camera.depth import V4l2DepthCamera
 from drivers.camera.pair import V4l2CameraPair
 from drivers.camera.side_by_side import V4l2StereoCamera

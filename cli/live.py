@@ -42,10 +42,10 @@ class LiveStatus:
         if self._live is not None:
             self._live.stop()
 
-    def refresh(self, troubles: Sequence[str] = ()) -> None:
+    def refresh(self, problems: Sequence[str] = ()) -> None:
         """Show the state as it is now, and what is wrong with devices."""
         elapsed_s = time.monotonic() - self._start_s
-        seen = "; ".join((self._seen(), *troubles))
+        seen = "; ".join((self._seen(), *problems))
         line = f"{elapsed_s:6.1f} s  " + seen
         if self._live is not None:
             self._live.update(Text(line), refresh=True)

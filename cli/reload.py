@@ -12,9 +12,9 @@ from types import FrameType
 from calib.files import load_calibration
 from cli.devices import camera_opener
 from cli.wiring import Outlets
-from daemon.camera_seat import CameraSeat
 from daemon.config import Configuration, format_configuration, load_configuration
 from daemon.publish_zenoh import ZenohPublisher
+from daemon.replaceable_camera import ReplaceableCamera
 from daemon.service import Service
 from messages import Reconfigured, UnitCalibration, UserError
 
@@ -36,7 +36,7 @@ class Reloader:
         configuration: Configuration,
         calibration: UnitCalibration,
         service: Service,
-        camera: CameraSeat,
+        camera: ReplaceableCamera,
         outlets: Outlets,
     ) -> None:
         self._path = path
@@ -79,10 +79,10 @@ class Reloader:
             return
         old, self._configuration = self._configuration, new
         if new.camera != old.camera:
-            self._camera.exchange(camera_opener(new.camera, self._calibration))
+            self._camera.replace(camera_opener(new.camera, self._calibration))
         if new.can != old.can:
             self._link.reconfigure(new.can)
-        self._zenoh.tell_configuration(new)
+        self._zenoh.set_configuration(new)
         self._service.put(Reconfigured(t_ns=time.monotonic_ns(), configuration=format_configuration(new)))
         if calibration.id != self._calibration.id:
             log.warning("reload: calibration %s takes effect at the next start", calibration.id)
@@ -96,5 +96,5 @@ class Reloader:
             new.zenoh, self._configuration.device, calibration=self._calibration, configuration=new
         )
         old, self._zenoh = self._zenoh, publisher
-        self._service.exchange_publisher(old, publisher)
+        self._service.replace_publisher(old, publisher)
         old.close()

@@ -24,9 +24,9 @@ def run(
     from cli.live import LiveStatus
     from cli.reload import Reloader
     from cli.wiring import build_service, open_outlets, open_recorder, stopped_by_signals, summary_tables
-    from daemon.camera_seat import CameraSeat
     from daemon.config import load_configuration
     from daemon.realtime import lock_memory
+    from daemon.replaceable_camera import ReplaceableCamera
     from daemon.sd_notify import ServiceManager
     from daemon.summary import Tally
     from drivers.protocols import DeviceError
@@ -37,12 +37,12 @@ def run(
     calibration = load_calibration(config.parent / configuration.calibration)
     manager = ServiceManager()
     imu = build_imu(configuration.imu)
-    camera = CameraSeat(camera_opener(configuration.camera, calibration))
+    camera = ReplaceableCamera(camera_opener(configuration.camera, calibration))
     if not manager.is_there:
         imu.open()
         camera.open()
     try:
-        outlets = open_outlets(configuration, calibration, patient=manager.is_there)
+        outlets = open_outlets(configuration, calibration, retry_opening=manager.is_there)
     except DeviceError as error:
         if manager.is_there:  # no mistake to mend by hand: the manager tries again
             raise ServiceError(str(error)) from error
@@ -74,9 +74,9 @@ def run(
                 manager.reloading()
                 reloader.reload()
                 manager.ready()
-            if service.progress.renew():
-                manager.alive()
-            live.refresh(service.troubles)
+            if service.progress.all_advanced():
+                manager.feed_watchdog()
+            live.refresh(service.problems)
 
         service.run(seconds, status=turn)
     facts = tally.summary(service.latency, service.beats_skipped)

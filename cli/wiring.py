@@ -44,16 +44,16 @@ class Outlets(NamedTuple):
     link: CanLink
 
 
-def open_outlets(configuration: Configuration, calibration: UnitCalibration, *, patient: bool = False) -> Outlets:
+def open_outlets(configuration: Configuration, calibration: UnitCalibration, *, retry_opening: bool = False) -> Outlets:
     """Open Zenoh and CAN as configured; raises UserError, and leaves nothing open, if either cannot be.
 
-    A `patient` CAN link may be absent for now.
+    A `retry_opening` CAN link may be absent for now.
     """
     zenoh = ZenohPublisher(
         configuration.zenoh, configuration.device, calibration=calibration, configuration=configuration
     )
     try:
-        link = CanLink(configuration.can, patient=patient)
+        link = CanLink(configuration.can, retry_opening=retry_opening)
     except UserError:
         zenoh.close()
         raise

@@ -52,7 +52,7 @@ def guarded(subject: str, look: Callable[[], Iterator[Finding]]) -> Iterator[Fin
         yield Finding(subject=subject, verdict=Verdict.FAULT, seen=str(error))
 
 
-def look_at_self_test(test: SelfTest) -> Iterator[Finding]:
+def check_self_test(test: SelfTest) -> Iterator[Finding]:
     """Hold the chip's answer to its electrical self-test against the factory's."""
     changes = ", ".join(f"{axis.axis} {100 * axis.change_share:+.0f} %" for axis in test.axes)
     failed = ", ".join(axis.axis for axis in test.axes if not axis.passed)
@@ -63,7 +63,7 @@ def look_at_self_test(test: SelfTest) -> Iterator[Finding]:
     )
 
 
-def look_at_imu(imu: ImuSource, seconds: float) -> Iterator[Finding]:
+def check_imu(imu: ImuSource, seconds: float) -> Iterator[Finding]:
     """Take samples for `seconds`: rate, losses, noise, and gravity if the unit is at rest."""
     samples = _samples(imu, seconds)
     if len(samples) < 2:
@@ -103,7 +103,7 @@ def _samples(imu: ImuSource, seconds: float) -> list[ImuSample]:
     return samples
 
 
-def look_at_camera(camera: FrameSource, seconds: float) -> Iterator[Finding]:
+def check_camera(camera: FrameSource, seconds: float) -> Iterator[Finding]:
     """Take frames for `seconds`: rate, losses, latency and brightness of each eye."""
     end_s, frames = time.monotonic() + seconds, list[Frame]()
     latencies_ms: list[float] = []
@@ -134,7 +134,7 @@ def look_at_camera(camera: FrameSource, seconds: float) -> Iterator[Finding]:
         yield _found(f"{eye} eye", f"mean grey {grey:.0f} of 255", fault=not DARK <= grey <= BRIGHT)
 
 
-def look_at_can(settings: CanSettings, seconds: float) -> Iterator[Finding]:
+def check_can(settings: CanSettings, seconds: float) -> Iterator[Finding]:
     """Open the bus and listen for the ankle for `seconds`; nothing is sent."""
     link = CanLink(settings)
     try:
@@ -153,7 +153,7 @@ def look_at_can(settings: CanSettings, seconds: float) -> Iterator[Finding]:
     )
 
 
-def look_at_host() -> Iterator[Finding]:
+def check_host() -> Iterator[Finding]:
     """Say what the host grants a process that has to be punctual."""
     for subject, limit, needed in (
         ("real-time priorities", resource.RLIMIT_RTPRIO, 1),

@@ -11,11 +11,11 @@ from daemon.watch import GroundWatch
 from messages import Attitude, Estimate, FrameHeader, GroundPlane, Health, Reason, Stamp, Status
 
 STALE_NS = 140_000_000
-"""From exposure, or sample, to here. What took longer is said to be late, not valid: the wearer has moved on.
+"""From exposure, or sample, to here. What took longer is published as late, not valid: the wearer has moved on.
 
 A consumer that takes nothing older than 150 ms still has 10 ms for the way to it."""
 
-_FRAMES_IN_HAND = 4
+_MOST_HEADERS = 4
 
 
 class Publisher(Protocol):
@@ -43,7 +43,7 @@ Observer = Callable[[Estimate, FrameHeader | None], None]
 class Outgoing:
     """Hands every estimate to all who are to have it. The clock is the caller's.
 
-    The recorder gets what the pipeline said, so that a replay says the same; all others get what was published.
+    The recorder gets what the pipeline gave, so that a replay gives the same; all others get what was published.
     """
 
     def __init__(
@@ -58,12 +58,12 @@ class Outgoing:
         self._recorder = recorder
         self._observers = tuple(observers)
         self._errors_before: Counter[str] = Counter()
-        self._seen: OrderedDict[int, FrameHeader] = OrderedDict()
+        self._headers: OrderedDict[int, FrameHeader] = OrderedDict()
         self._ground_watch = GroundWatch()
         self.withdrawn = 0
-        """How many valid estimates were said to be late instead."""
+        """How many valid estimates were published as late instead."""
 
-    def exchange(self, old: Publisher, new: Publisher) -> None:
+    def replace(self, old: Publisher, new: Publisher) -> None:
         """Publish on `new` from now on; the caller closes `old`."""
         self._errors_before[old.name] += old.errors
         self._publishers = tuple(new if publisher is old else publisher for publisher in self._publishers)
@@ -72,24 +72,24 @@ class Outgoing:
         """Return what did not get away on the publishers of this name since the start."""
         return self._errors_before[name] + sum(p.errors for p in self._publishers if p.name == name)
 
-    def remember(self, header: FrameHeader) -> None:
-        """Keep the header of a frame that is being computed."""
-        self._seen[header.seq] = header
-        while len(self._seen) > _FRAMES_IN_HAND:
-            self._seen.popitem(last=False)
+    def expect_ground_of(self, header: FrameHeader) -> None:
+        """Keep the header of a frame until its ground estimate is sent."""
+        self._headers[header.seq] = header
+        while len(self._headers) > _MOST_HEADERS:
+            self._headers.popitem(last=False)
 
     def send(self, estimate: Estimate, taken_ns: int, clock: Callable[[], int], latency: LatencyLog) -> None:
         """Hand out what the pipeline made of the input taken at `taken_ns`."""
         computed_ns = clock()
-        said = in_time(estimate, computed_ns)
-        self.withdrawn += said is not estimate
-        stamp = self._stamper.stamp(said, computed_ns)
+        published = withdrawn_if_late(estimate, computed_ns)
+        self.withdrawn += published is not estimate
+        stamp = self._stamper.stamp(published, computed_ns)
         for publisher in self._publishers:
-            publisher.publish(said, stamp)
+            publisher.publish(published, stamp)
         header = None
-        if isinstance(said, GroundPlane):
-            header = self._seen.pop(said.frame_seq, None)
-            self._ground_watch.saw(said.reason)
+        if isinstance(published, GroundPlane):
+            header = self._headers.pop(published.frame_seq, None)
+            self._ground_watch.add_reason(published.reason)
         if header is not None:
             latency.add(
                 FrameTimes(
@@ -103,7 +103,7 @@ class Outgoing:
         if self._recorder is not None:
             self._recorder.offer(estimate)
         for observe in self._observers:
-            observe(said, header)
+            observe(published, header)
 
     def close(self) -> None:
         """Close the publishers in order."""
@@ -111,7 +111,7 @@ class Outgoing:
             publisher.close()
 
 
-def in_time(estimate: Estimate, now_ns: int) -> Estimate:
+def withdrawn_if_late(estimate: Estimate, now_ns: int) -> Estimate:
     """Return `estimate`, or what is left of a valid one that is older than `STALE_NS`: no numbers, reason LATE."""
     if isinstance(estimate, Health) or estimate.status is not Status.VALID:
         return estimate

@@ -60,10 +60,10 @@ class Pipeline:
         self._frame_guard = FrameGuard()
         self._motion = MotionWatch(calibration)
         self._waiting: Frame | None = None
-        self._imu_heard_ns: int | None = None
+        self._imu_arrival_ns: int | None = None
         self._imu_silent = False
-        self._frame_heard_ns = 0
-        self._silent_from_ns: int | None = None
+        self._frame_arrival_ns = 0
+        self._report_silence_at_ns: int | None = None
         self._camera_due_ns: int | None = None
 
     def step(self, message: Input) -> Iterator[Estimate]:
@@ -78,93 +78,93 @@ class Pipeline:
 
     def _estimates(self, message: Input) -> Iterator[Estimate]:
         if isinstance(message, ImuSample):
-            yield from self._feel(message)
+            yield from self._on_imu(message)
         elif isinstance(message, Frame):
-            yield from self._take(message)
+            yield from self._on_frame(message)
         elif isinstance(message, Tick):
-            yield from self._notice(message.t_ns)
+            yield from self._on_tick(message.t_ns)
         elif isinstance(message, LoadLevel):
             self._load = message.load
         elif isinstance(message, Reconfigured):
             self._foothold = parse_configuration(message.configuration, "new configuration").foothold
-            self._ground.look_at(self._foothold)
+            self._ground.set_foothold(self._foothold)
 
-    def _feel(self, sample: ImuSample) -> Iterator[Estimate]:
+    def _on_imu(self, sample: ImuSample) -> Iterator[Estimate]:
         if not self._attitude.accepts(sample):
             self._health.count_refused_sample()
             return
-        self._imu_heard_ns = max(sample.t_arrival_ns, self._imu_heard_ns or 0)
+        self._imu_arrival_ns = max(sample.t_arrival_ns, self._imu_arrival_ns or 0)
         self._imu_silent = False
-        self._motion.feel(sample)
-        attitude = self._attitude.feel(sample)
-        doubted = self._motion.reason is Reason.IMU_INCONSISTENT
-        yield self._attitude.unfelt(sample.t_sample_ns, Reason.IMU_INCONSISTENT) if doubted else attitude
-        if self._waiting is not None and self._is_felt(self._waiting):
-            yield from self._see(self._waiting)
+        self._motion.add_sample(sample)
+        attitude = self._attitude.add_sample(sample)
+        inconsistent = self._motion.reason is Reason.IMU_INCONSISTENT
+        yield self._attitude.invalid_at(sample.t_sample_ns, Reason.IMU_INCONSISTENT) if inconsistent else attitude
+        if self._waiting is not None and self._imu_reaches(self._waiting):
+            yield from self._estimate_ground(self._waiting)
 
-    def _take(self, frame: Frame) -> Iterator[Estimate]:
+    def _on_frame(self, frame: Frame) -> Iterator[Estimate]:
         if self._waiting is not None:
-            yield from self._see(self._waiting)
-        self._frame_heard_ns = frame.header.t_arrival_ns
-        self._silent_from_ns = self._camera_due_ns = self._frame_heard_ns + SILENCE_NS
-        doubt = self._frame_guard.judge(frame.header, frame.images)
-        if doubt is not Reason.NONE:
-            yield self._ground.refused(frame, doubt)
+            yield from self._estimate_ground(self._waiting)
+        self._frame_arrival_ns = frame.header.t_arrival_ns
+        self._report_silence_at_ns = self._camera_due_ns = self._frame_arrival_ns + SILENCE_NS
+        refusal = self._frame_guard.check(frame.header, frame.images)
+        if refusal is not Reason.NONE:
+            yield self._ground.invalid(frame, refusal)
             return
         self._waiting = frame
-        if self._is_felt(frame):
-            yield from self._see(frame)
+        if self._imu_reaches(frame):
+            yield from self._estimate_ground(frame)
 
-    def _notice(self, t_ns: int) -> Iterator[Estimate]:
+    def _on_tick(self, t_ns: int) -> Iterator[Estimate]:
         if self._waiting is not None and t_ns - self._waiting.header.t_arrival_ns > LONGEST_WAIT_NS:
-            yield from self._see(self._waiting)
-        yield from self._miss_camera(t_ns)
-        yield from self._miss_imu(t_ns)
+            yield from self._estimate_ground(self._waiting)
+        yield from self._report_camera_silence(t_ns)
+        yield from self._report_imu_silence(t_ns)
         yield from self._health.due(t_ns, self._load)
 
-    def _miss_camera(self, t_ns: int) -> Iterator[GroundPlane]:
-        if self._silent_from_ns is None or self._camera_due_ns is None:
-            self._silent_from_ns, self._camera_due_ns = t_ns + SILENCE_NS, t_ns + START_NS
-        if t_ns >= self._silent_from_ns:
-            self._silent_from_ns += FRAME_PERIOD_NS * (1 + (t_ns - self._silent_from_ns) // FRAME_PERIOD_NS)
-            if t_ns - self._frame_heard_ns > OTHER_CAMERA_NS:
-                self._frame_guard.interrupted()
+    def _report_camera_silence(self, t_ns: int) -> Iterator[GroundPlane]:
+        if self._report_silence_at_ns is None or self._camera_due_ns is None:
+            self._report_silence_at_ns, self._camera_due_ns = t_ns + SILENCE_NS, t_ns + START_NS
+        if t_ns >= self._report_silence_at_ns:
+            self._report_silence_at_ns += FRAME_PERIOD_NS * (1 + (t_ns - self._report_silence_at_ns) // FRAME_PERIOD_NS)
+            if t_ns - self._frame_arrival_ns > OTHER_CAMERA_NS:
+                self._frame_guard.reset_timing()
             yield self._without_frame(t_ns, Reason.STARTING if t_ns < self._camera_due_ns else Reason.NO_FRAME)
 
-    def _miss_imu(self, t_ns: int) -> Iterator[Estimate]:
-        if self._imu_silent or self._imu_heard_ns is None or t_ns - self._imu_heard_ns <= IMU_SILENCE_NS:
+    def _report_imu_silence(self, t_ns: int) -> Iterator[Estimate]:
+        if self._imu_silent or self._imu_arrival_ns is None or t_ns - self._imu_arrival_ns <= IMU_SILENCE_NS:
             return
         self._imu_silent = True
-        yield self._attitude.unfelt(t_ns)
+        yield self._attitude.invalid_at(t_ns)
         yield self._without_frame(t_ns, Reason.NO_IMU)
 
-    def _is_felt(self, frame: Frame) -> bool:
+    def _imu_reaches(self, frame: Frame) -> bool:
         newest_ns = self._attitude.newest_ns
         return newest_ns is not None and newest_ns > frame.header.t_exposure_ns
 
-    def _see(self, frame: Frame) -> Iterator[GroundPlane]:
+    def _estimate_ground(self, frame: Frame) -> Iterator[GroundPlane]:
         self._waiting = None
-        if self._motion.see(frame):
-            self._attitude.forget()
+        if self._motion.add_frame(frame):
+            self._attitude.roll_back()
         yield self._ground_of(frame)
-        if self._motion.judge():
-            self._attitude.forget(turns_hold=self._motion.turns_hold)
+        if self._motion.finish_frame():
+            self._attitude.roll_back(gyro_agrees=self._motion.gyro_agrees)
         if self._motion.reason is Reason.NONE:
-            self._attitude.keep()
+            self._attitude.checkpoint()
 
     def _ground_of(self, frame: Frame) -> GroundPlane:
         if self._motion.reason is not Reason.NONE:
-            return self._ground.refused(frame, self._motion.reason)
+            return self._ground.invalid(frame, self._motion.reason)
         attitude = None if self._imu_silent else self._attitude.at(frame.header.t_exposure_ns)
         if attitude is None:
             reason = self._attitude.reason
-            return self._ground.refused(frame, Reason.NO_IMU if reason is Reason.NONE else reason)
+            return self._ground.invalid(frame, Reason.NO_IMU if reason is Reason.NONE else reason)
         return self._ground.estimate(
             frame,
             attitude.R_WB,
             attitude.w_WB_B,
             attitude.rotation_cov_W,
-            height_rate_mps=attitude.bob_mps,
+            height_rate_mps=attitude.vertical_swing_mps,
             reduced=self._load is Load.REDUCED,
         )
 

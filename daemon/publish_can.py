@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from daemon.outgoing import in_time
+from daemon.outgoing import withdrawn_if_late
 from drivers.can.link import SendResult
 from messages import TOPIC_OF, Estimate, GroundPlane, Health, Stamp
 from messages.can_frames import CanEncoder, CanFrame
@@ -84,7 +84,7 @@ class CanPublisher:
     def _is_late(self, estimate: Estimate, stamp: Stamp) -> bool:
         now_ns = self._now_ns()
         waited_s = 1e-9 * (now_ns - stamp.t_publish_ns)
-        return waited_s > TOPIC_OF[type(estimate)].deadline_s or in_time(estimate, now_ns) is not estimate
+        return waited_s > TOPIC_OF[type(estimate)].deadline_s or withdrawn_if_late(estimate, now_ns) is not estimate
 
     def _count_failure(self, result: SendResult) -> None:
         with self._filled:

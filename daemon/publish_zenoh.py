@@ -83,7 +83,7 @@ class ZenohPublisher:
             self._undo.callback(queryable.undeclare)
         self._undo.callback(token.undeclare)
 
-    def tell_configuration(self, configuration: msgspec.Struct) -> None:
+    def set_configuration(self, configuration: msgspec.Struct) -> None:
         """Answer queries with these settings from now on."""
         self._answers[self._configuration_key] = encode(configuration)
 

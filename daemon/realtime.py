@@ -27,23 +27,23 @@ _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 
 
 def request_priorities() -> bool:
-    """Return whether the host grants `prioritise`; a refusal is said in one line and does no harm."""
+    """Return whether the host grants `set_priority`; a refusal is said in one line and does no harm."""
     try:
         _schedule(max(FIFO_PRIORITIES.values()))
     except OSError as error:
         log.warning("no real-time priorities: %s; LimitRTPRIO= of the unit grants them", error.strerror)
         return False
-    prioritise("main")
+    set_priority("main")
     return True
 
 
-def prioritise(thread: str) -> None:
+def set_priority(thread: str) -> None:
     """Give the calling thread the priority of its name, if it has one. Raises OSError if the host refuses."""
     if thread in FIFO_PRIORITIES:
         _schedule(FIFO_PRIORITIES[thread])
 
 
-def be_ordinary() -> None:
+def reset_priority() -> None:
     """Give the calling thread's priority back."""
     # an ordinary user may not take SCHED_RESET_ON_FORK back
     os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))

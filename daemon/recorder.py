@@ -139,7 +139,7 @@ class Recorder:
         entries = entries_of(message, self._now_ns)
         if self._ring is None:
             return self._file.write(entries)
-        self._ring.keep(type(message), entries)
+        self._ring.append(type(message), entries)
         return True
 
 
@@ -176,7 +176,7 @@ class _Ring:
     def span_s(self) -> float:
         return (self._log_time_ns(-1) - self._log_time_ns(0)) * 1e-9 if self._messages else 0.0
 
-    def keep(self, kind: type[Recordable], entries: tuple[Entry, ...]) -> None:
+    def append(self, kind: type[Recordable], entries: tuple[Entry, ...]) -> None:
         self._messages.append((kind, entries))
         self._bytes += _size(entries)
         first_ns = self._log_time_ns(-1) - self._last_ns

@@ -1,6 +1,6 @@
 """Telling the service manager how the service fares. Source: systemd's sd_notify(3).
 
-Without a manager (no NOTIFY_SOCKET in the environment) every word goes nowhere.
+Without a manager (no NOTIFY_SOCKET in the environment) nothing is sent.
 """
 
 import os
@@ -31,27 +31,27 @@ class ServiceManager:
 
     def ready(self) -> None:
         """Say that the service runs again after a reload."""
-        self._say("READY=1")
+        self._send("READY=1")
         self._was_ready = True
 
     def reloading(self) -> None:
         """Say that the configuration is being read again; `ready` ends it."""
-        self._say(f"RELOADING=1\nMONOTONIC_USEC={time.monotonic_ns() // 1000}")
+        self._send(f"RELOADING=1\nMONOTONIC_USEC={time.monotonic_ns() // 1000}")
 
     def stopping(self) -> None:
         """Say that the service ends."""
-        self._say("STOPPING=1")
+        self._send("STOPPING=1")
 
-    def alive(self) -> None:
-        """Feed the watchdog; the first sign of life also says that the service runs."""
-        self._say("WATCHDOG=1" if self._was_ready else "READY=1\nWATCHDOG=1")
+    def feed_watchdog(self) -> None:
+        """Tell the watchdog that the service works; the first time also that it is ready."""
+        self._send("WATCHDOG=1" if self._was_ready else "READY=1\nWATCHDOG=1")
         self._was_ready = True
 
     def status(self, line: str) -> None:
         """Show one line to whoever asks `systemctl status`; said only when it changes."""
         if line != self._status:
             self._status = line
-            self._say(f"STATUS={line}")
+            self._send(f"STATUS={line}")
 
     def close(self) -> None:
         """Say nothing more."""
@@ -59,7 +59,7 @@ class ServiceManager:
             self._socket.close()
             self._socket = None
 
-    def _say(self, words: str) -> None:
+    def _send(self, words: str) -> None:
         if self._socket is None:
             return
         try:

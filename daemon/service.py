@@ -19,7 +19,7 @@ from daemon.latency import LatencyLog
 from daemon.load import LoadDecision
 from daemon.outgoing import Observer, Outgoing, Publisher
 from daemon.pipeline import Pipeline
-from daemon.realtime import be_ordinary, paced_interpreter, prioritise, request_priorities
+from daemon.realtime import paced_interpreter, request_priorities, reset_priority, set_priority
 from daemon.recorder import Recorder
 from daemon.stamping import Stamper
 from daemon.watch import Outage
@@ -45,7 +45,7 @@ REOPEN_PAUSE_S = 0.2
 _THREAD = "gaiteyes-"
 LATE_NS = 100_000_000
 """A frame that waited longer for its turn, because the process stood still, is not computed any more."""
-FAREWELL_S = 2.0
+LONGEST_JOIN_S = 2.0
 """How long a thread may take to end before the service gives it up: a device call may hang for ever."""
 
 
@@ -100,17 +100,17 @@ class Service:
         self._stopping.set()
 
     @property
-    def troubles(self) -> list[str]:
+    def problems(self) -> list[str]:
         """Return one line for each device that is absent now."""
-        return [outage.lasting for outage in self._outages.values() if outage.lasting]
+        return [outage.problem for outage in self._outages.values() if outage.problem]
 
     def put(self, message: Input) -> None:
         """Hand the pipeline a decision of the daemon's own, in the order of arrival."""
         self._inbox.put(message)
 
-    def exchange_publisher(self, old: Publisher, new: Publisher) -> None:
+    def replace_publisher(self, old: Publisher, new: Publisher) -> None:
         """Publish on `new` from now on; the caller closes `old`."""
-        self._outgoing.exchange(old, new)
+        self._outgoing.replace(old, new)
 
     def run(
         self, seconds: float | None = None, *, each_s: float = 0.25, status: Callable[[], None] | None = None
@@ -122,14 +122,14 @@ class Service:
         producers = [
             self._thread("imu", self._read_imu),
             self._thread("camera", self._read_camera),
-            self._thread("timer", self._keep_time),
+            self._thread("timer", self._run_timer),
         ]
         if self._devices.ankle is not None:
             producers.append(self._thread("ankle", self._read_ankle, self._devices.ankle))
         consumers = [self._thread("pipeline", self._run_pipeline)]
         if self._recorder is not None:
             consumers.append(self._thread("recorder", self._write_recording, self._recorder))
-        consumers += [self._thread(name, self._serve, name, work) for name, work in self._background.items()]
+        consumers += [self._thread(name, self._run_background, name, work) for name, work in self._background.items()]
         end_s = time.monotonic() + seconds if seconds is not None else float("inf")
         with paced_interpreter():
             self._priorities = self._priorities and request_priorities()
@@ -143,7 +143,7 @@ class Service:
                         break
             finally:
                 if self._priorities:
-                    be_ordinary()
+                    reset_priority()
                 self._shut_down(producers, consumers)
         if self._died:
             raise ServiceError(f"thread {', '.join(self._died)} of the service died")
@@ -151,25 +151,25 @@ class Service:
     def _shut_down(self, producers: Sequence[threading.Thread], consumers: Sequence[threading.Thread]) -> None:
         """End all threads, then close what they used; what a hanging thread may still use is left to the kernel."""
         self._stopping.set()
-        hung = _join(producers)
+        hanging = _join(producers)
         self._producers_ended.set()
-        hung |= _join(consumers)
-        if self._recorder is not None and "recorder" not in hung:
+        hanging |= _join(consumers)
+        if self._recorder is not None and "recorder" not in hanging:
             self._recorder.close()
-        if not hung & {"pipeline", "ankle", *self._background}:
+        if not hanging & {"pipeline", "ankle", *self._background}:
             self._outgoing.close()
         for name, device in (("imu", self._devices.imu), ("camera", self._devices.camera)):
-            if name not in hung:
+            if name not in hanging:
                 device.close()
-        if hung:
-            raise ServiceError(f"thread {', '.join(sorted(hung))} of the service hangs and was given up")
+        if hanging:
+            raise ServiceError(f"thread {', '.join(sorted(hanging))} of the service hangs and was given up")
 
     def _thread(self, name: str, work: Callable[..., None], *args: object) -> threading.Thread:
         def supervised() -> None:
             ended_well = False
             try:
                 if self._priorities:
-                    prioritise(name)
+                    set_priority(name)
                 work(*args)
                 ended_well = True
             finally:
@@ -182,47 +182,47 @@ class Service:
         return threading.Thread(target=supervised, name=_THREAD + name, daemon=True)
 
     def _read_imu(self) -> None:
-        down = self._outages["imu"]
+        outage = self._outages["imu"]
         while not self._stopping.is_set():
-            self.progress.mark("imu")
+            self.progress.count_round("imu")
             try:
                 samples = self._devices.imu.read(timeout_s=0.1)
             except DeviceError as error:
-                down.began(error)
+                outage.add_failure(error)
                 self._stopping.wait(REOPEN_PAUSE_S)
                 continue
             if samples:
-                down.ended()
+                outage.add_success()
             delay_ns = round(1e9 * self._devices.imu.filter_delay_s)
             for sample in samples:
                 self._inbox.put(sample)
                 self.latency.add_sample(time.monotonic_ns() - (sample.t_sample_ns + delay_ns))
 
     def _read_camera(self) -> None:
-        down = self._outages["camera"]
+        outage = self._outages["camera"]
         while not self._stopping.is_set():
-            self.progress.mark("camera")
+            self.progress.count_round("camera")
             try:
                 frame = self._devices.camera.read(timeout_s=0.1)
             except DeviceError as error:
-                down.began(error)
+                outage.add_failure(error)
                 self._stopping.wait(REOPEN_PAUSE_S)
                 continue
             if frame is not None:
-                down.ended()
+                outage.add_success()
                 self._inbox.put(frame)
 
     def _read_ankle(self, ankle: AnkleSource) -> None:
         while not self._stopping.is_set():
-            self.progress.mark("ankle")
+            self.progress.count_round("ankle")
             state = ankle.receive(timeout_s=0.1)
             if state is not None:
                 self._inbox.put(state)
 
-    def _keep_time(self) -> None:
+    def _run_timer(self) -> None:
         load = LoadDecision()
-        for beat in self._beats("timer", TICK_NS):
-            self.progress.mark("timer")
+        for beat in self._periods("timer", TICK_NS):
+            self.progress.count_round("timer")
             now_ns = time.monotonic_ns()
             self._inbox.put(Tick(t_ns=now_ns))
             if beat % (1_000_000_000 // TICK_NS) == 0:
@@ -232,7 +232,7 @@ class Service:
                     log.warning("load level is now %s", changed.value)
                     self._inbox.put(LoadLevel(t_ns=now_ns, load=changed))
 
-    def _beats(self, loop: str, period_ns: int) -> Iterator[int]:
+    def _periods(self, loop: str, period_ns: int) -> Iterator[int]:
         """Yield 0, 1, 2 … on an absolute grid until the service stops; on an overrun skip whole periods."""
         start_ns, beat = time.monotonic_ns(), 0
         while not self._stopping.is_set():
@@ -261,7 +261,7 @@ class Service:
 
     def _run_pipeline(self) -> None:
         while True:
-            self.progress.mark("pipeline")
+            self.progress.count_round("pipeline")
             message = self._inbox.get(timeout_s=0.1)
             if message is None:
                 if self._producers_ended.is_set():
@@ -272,15 +272,15 @@ class Service:
                 if taken_ns - message.header.t_arrival_ns > LATE_NS:
                     message = DroppedFrame(header=message.header, cause=DropCause.LATE)
                 else:
-                    self._outgoing.remember(message.header)
+                    self._outgoing.expect_ground_of(message.header)
             if self._recorder is not None:
                 self._recorder.offer(message)
             for estimate in self._pipeline.step(message):
                 self._outgoing.send(estimate, taken_ns, time.monotonic_ns, self.latency)
 
-    def _serve(self, name: str, work: Background) -> None:
+    def _run_background(self, name: str, work: Background) -> None:
         while not self._producers_ended.is_set():
-            self.progress.mark(name)
+            self.progress.count_round(name)
             work(0.1)
 
     def _write_recording(self, recorder: Recorder) -> None:
@@ -289,8 +289,8 @@ class Service:
 
 
 def _join(threads: Sequence[threading.Thread]) -> set[str]:
-    """Wait for all to end, `FAREWELL_S` together; return which did not."""
-    end_s = time.monotonic() + FAREWELL_S
+    """Wait for all to end, `LONGEST_JOIN_S` together; return which did not."""
+    end_s = time.monotonic() + LONGEST_JOIN_S
     for thread in threads:
         thread.join(max(0.0, end_s - time.monotonic()))
     return {thread.name.removeprefix(_THREAD) for thread in threads if thread.is_alive()}

@@ -1,4 +1,4 @@
-"""What the service notices of its own running, told to a person once and not with every frame."""
+"""What a person should know of the running service, logged once and not with every frame."""
 
 import logging
 import math
@@ -10,7 +10,7 @@ from messages import Reason
 
 log = logging.getLogger("gaiteyes")
 
-FRAMES_BEFORE_TOLD = 20
+FRAMES_BEFORE_LOGGED = 20
 QUIET_S = 10.0
 
 IN_WORDS = {
@@ -27,7 +27,7 @@ IN_WORDS = {
     Reason.FROZEN_FRAME: "the camera repeats one picture",
     Reason.TIME_INCONSISTENT: "the frames' stamps contradict their arrival or the IMU",
     Reason.LATE: "the planes come too late; the processor is overloaded, or the process stood still",
-    Reason.IMU_INCONSISTENT: "the IMU feels another motion than the camera sees; check how both are mounted",
+    Reason.IMU_INCONSISTENT: "the IMU measures another motion than the camera sees; check how both are mounted",
     Reason.EYES_MISALIGNED: "one eye sees everything higher than the calibration says; calibrate the pair again",
 }
 
@@ -35,7 +35,7 @@ IN_WORDS = {
 class Outage:
     """Logs the beginning and the end of a device's absence, not every attempt in between.
 
-    A device that comes and goes is told of once in `QUIET_S`; what happened meanwhile is counted.
+    A device that comes and goes is logged once in `QUIET_S`; what happened meanwhile is counted.
     """
 
     def __init__(self, device: str, clock: Callable[[], float] = time.monotonic) -> None:
@@ -43,52 +43,52 @@ class Outage:
         self._clock = clock
         self._attempts = 0
         self._began_s = 0.0
-        self._told_s = -math.inf
-        self._telling = False
-        self._untold = 0
-        self.lasting = ""
+        self._logged_s = -math.inf
+        self._logging = False
+        self._unlogged = 0
+        self.problem = ""
         """What is wrong with the device now, empty if nothing is."""
 
-    def began(self, error: DeviceError) -> None:
+    def add_failure(self, error: DeviceError) -> None:
         """Take one failed attempt."""
-        self.lasting = f"{self._device} lost: {error}"
+        self.problem = f"{self._device} lost: {error}"
         if self._attempts == 0:
             self._began_s = self._clock()
-            self._telling = self._began_s - self._told_s >= QUIET_S
-            if self._telling:
-                log.error("%s%s", self.lasting, f" outages_untold={self._untold}" if self._untold else "")
-                self._told_s, self._untold = self._began_s, 0
+            self._logging = self._began_s - self._logged_s >= QUIET_S
+            if self._logging:
+                log.error("%s%s", self.problem, f" outages_not_logged={self._unlogged}" if self._unlogged else "")
+                self._logged_s, self._unlogged = self._began_s, 0
             else:
-                self._untold += 1
+                self._unlogged += 1
         self._attempts += 1
 
-    def ended(self) -> None:
+    def add_success(self) -> None:
         """Take one success."""
-        if self._attempts and self._telling:
+        if self._attempts and self._logging:
             outage_s = self._clock() - self._began_s
             log.warning("%s is back: outage_s=%.2f attempts=%d", self._device, outage_s, self._attempts)
-        self._attempts, self.lasting = 0, ""
+        self._attempts, self.problem = 0, ""
 
 
 class GroundWatch:
     """Logs why there is no ground once that has lasted a second, and when it ends.
 
-    STARTING is not told: it is soon over, or turns into another reason.
+    STARTING is not logged: it is soon over, or turns into another reason.
     """
 
     def __init__(self) -> None:
         self._reason = Reason.NONE
         self._frames = 0
-        self._told = False
+        self._logged = False
 
-    def saw(self, reason: Reason) -> None:
+    def add_reason(self, reason: Reason) -> None:
         """Take the reason of the next ground estimate."""
         if reason is not self._reason:
-            if reason is Reason.NONE and self._told:
+            if reason is Reason.NONE and self._logged:
                 log.warning("the ground is seen again")
             self._reason, self._frames = reason, 0
-            self._told = self._told and reason is not Reason.NONE
+            self._logged = self._logged and reason is not Reason.NONE
         self._frames += 1
-        if reason in IN_WORDS and self._frames == FRAMES_BEFORE_TOLD:
+        if reason in IN_WORDS and self._frames == FRAMES_BEFORE_LOGGED:
             log.warning("no ground: %s", IN_WORDS[reason])
-            self._told = True
+            self._logged = True

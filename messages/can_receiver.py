@@ -96,15 +96,15 @@ class GroundReceiver:
             return Refusal(check.value)
         fields = decode(message, data)
         if message is CanMessage.GROUND:
-            on_its_heels = last_ns is not None and t_ns - last_ns < self._min_spacing_ns
-            self._first_half = None if on_its_heels else (fields, t_ns)
-            return Refusal.TOO_SOON if on_its_heels else Refusal.FIRST_HALF
+            too_soon = last_ns is not None and t_ns - last_ns < self._min_spacing_ns
+            self._first_half = None if too_soon else (fields, t_ns)
+            return Refusal.TOO_SOON if too_soon else Refusal.FIRST_HALF
         first_half, self._first_half = self._first_half, None
         if first_half is None or first_half[0].numbers["frame_number"] != fields.numbers["frame_number"]:
             return Refusal.FRAME_MISMATCH
-        return self._judge(first_half[0], fields, first_half[1], t_ns)
+        return self._check_pair(first_half[0], fields, first_half[1], t_ns)
 
-    def _judge(self, ground: Fields, quality: Fields, t_ground_ns: int, t_ns: int) -> ReceivedGround | Refusal:
+    def _check_pair(self, ground: Fields, quality: Fields, t_ground_ns: int, t_ns: int) -> ReceivedGround | Refusal:
         words, numbers = ground.words | quality.words, ground.numbers | quality.numbers
         if words["source"] not in self._accepted:
             return Refusal.NOT_LIVE

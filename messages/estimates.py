@@ -48,7 +48,7 @@ class Reason(str, enum.Enum):
     FROZEN_FRAME = "frozen_frame"  # the camera repeats one picture
     TIME_INCONSISTENT = "time_inconsistent"  # the frame's stamp contradicts its arrival, or the IMU's clock
     LATE = "late"  # computed so late that the wearer has moved on
-    IMU_INCONSISTENT = "imu_inconsistent"  # the IMU feels another motion than the camera sees
+    IMU_INCONSISTENT = "imu_inconsistent"  # the IMU measures another motion than the camera sees
     EYES_MISALIGNED = "eyes_misaligned"  # one eye sees everything higher than its calibration says
 
     @property

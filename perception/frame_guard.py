@@ -10,31 +10,31 @@ from messages import FrameHeader, Image, Reason
 class FrameGuard:
     """Refuses a picture that the camera repeats, and a stamp that contradicts the frame's arrival.
 
-    Noise alone makes two pictures of a living sensor differ, so an equal one is a repeated one. A uniform picture is
+    Noise alone makes two pictures of a working sensor differ, so an equal one is a repeated one. A uniform picture is
     left to the matcher, which calls it by its own name.
 
     The way from the middle of the exposure to the arrival takes at least the readout and the transfer, always alike:
     it may take longer, when the host is busy, but a frame that seems quicker than the quickest so far has a stamp that
-    jumped forward. Frames that arrive together had waited, and teach nothing. Nor do refused ones, until `relearn` of
-    them in a row have been: then the camera's timing is another one for good, and the IMU must tell whether its stamps
-    are right. Frames that are merely late are not judged here, for only the clock tells that.
+    jumped forward. Frames that arrive together had waited, and tell no latency. Nor do refused ones, until
+    `relearn_after` of them in a row have been: then the camera's timing is another one for good, and the IMU must tell
+    whether its stamps are right. Frames that are merely late are not judged here, for only the clock tells that.
     """
 
     longest_latency_ns = 2_000_000_000
     together_ns = 10_000_000
     jump_ns = 10_000_000
-    least_known = 20
-    relearn = 200
+    least_latencies = 20
+    relearn_after = 200
     pixel_step = 8
 
     def __init__(self) -> None:
-        self._quickest_ns = 0
-        self._known = 0
+        self._least_latency_ns = 0
+        self._latencies = 0
         self._refused = 0
         self._arrival_ns: int | None = None
-        self._seen: list[bytes] = []
+        self._previous: list[bytes] = []
 
-    def judge(self, header: FrameHeader, images: Sequence[Image]) -> Reason:
+    def check(self, header: FrameHeader, images: Sequence[Image]) -> Reason:
         """Return NONE, FROZEN_FRAME or TIME_INCONSISTENT for the next frame; `images` are (height, width) each."""
         repeated = self._repeats(images)
         timely = self._is_timely(header)
@@ -42,32 +42,32 @@ class FrameGuard:
             return Reason.FROZEN_FRAME
         return Reason.NONE if timely else Reason.TIME_INCONSISTENT
 
-    def interrupted(self) -> None:
+    def reset_timing(self) -> None:
         """Forget the camera's timing: it fell silent, and whatever comes next may be another device."""
-        self._known, self._refused = 0, 0
+        self._latencies, self._refused = 0, 0
 
     def _repeats(self, images: Sequence[Image]) -> bool:
         sampled = [image[:: self.pixel_step, :: self.pixel_step] for image in images]
         pixels = [part.tobytes() for part in sampled]
         repeated = any(
             now == before and int(np.ptp(part)) > 0
-            for now, before, part in zip(pixels, self._seen, sampled, strict=False)  # none before the first frame
+            for now, before, part in zip(pixels, self._previous, sampled, strict=False)  # none before the first frame
         )
-        self._seen = pixels
+        self._previous = pixels
         return repeated
 
     def _is_timely(self, header: FrameHeader) -> bool:
         latency_ns = header.t_arrival_ns - header.t_exposure_ns
         together = self._arrival_ns is not None and header.t_arrival_ns - self._arrival_ns < self.together_ns
         self._arrival_ns = header.t_arrival_ns
-        least_ns = max(0, self._quickest_ns - self.jump_ns) if self._known >= self.least_known else 0
+        least_ns = max(0, self._least_latency_ns - self.jump_ns) if self._latencies >= self.least_latencies else 0
         if least_ns <= latency_ns <= self.longest_latency_ns:
             if not together:
-                self._quickest_ns = min(self._quickest_ns, latency_ns) if self._known else latency_ns
-                self._known += 1
+                self._least_latency_ns = min(self._least_latency_ns, latency_ns) if self._latencies else latency_ns
+                self._latencies += 1
             self._refused = 0
             return True
         self._refused += 1
-        if self._refused >= self.relearn:
-            self.interrupted()
+        if self._refused >= self.relearn_after:
+            self.reset_timing()
         return False

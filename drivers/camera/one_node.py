@@ -66,7 +66,7 @@ class V4l2Capture(V4l2Source[FrameT]):
         self._camera_rate_hz = device.rate_hz
         return (V4l2Stream(device, self._kernel, self._dropped, self._latest_stamp_ns),)
 
-    def _awaited(self) -> V4l2Stream:
+    def _stream_to_wait_for(self) -> V4l2Stream:
         return self._streams[0]
 
     def _newest(self) -> FrameT | None:
@@ -81,9 +81,9 @@ class V4l2Capture(V4l2Source[FrameT]):
                 self._dropped[DropCause.SUPERSEDED] += 1
                 stream.device.requeue(chosen.buffer)
             chosen = frame
-        return None if chosen is None else self._take(stream.device, chosen)
+        return None if chosen is None else self._copy(stream.device, chosen)
 
-    def _take(self, device: V4l2Device, chosen: Arrived) -> FrameT | None:
+    def _copy(self, device: V4l2Device, chosen: Arrived) -> FrameT | None:
         """Copy a frame into the pool and give its buffer back."""
         frame = self._copied(device.pixels(chosen.buffer), self._header(chosen))
         device.requeue(chosen.buffer)

@@ -22,7 +22,7 @@ from messages import DropCause, StereoFrame
 
 EYES = ("left", "right")
 
-_PATIENCE_S = 1.0
+_LONGEST_WITHOUT_PAIR_S = 1.0
 _SAME_RATE = 0.01
 
 _Pair = tuple[Arrived, Arrived]
@@ -68,11 +68,11 @@ class V4l2CameraPair(V4l2Source[StereoFrame]):
         self._rate_hz = rate_hz
         self._period_ns = round(1e9 / rate_hz)
         self._latest_stamps_ns = [-1, -1]
-        self._heads: list[Arrived | None] = [None, None]
+        self._unpaired: list[Arrived | None] = [None, None]
         self._refused = 0
         self._skew_ns = 0
         self._right_later_ns = 0
-        self._met_ns = 0
+        self._last_pair_ns = 0
         super().__init__(
             f"left {left_path}, right {right_path}",
             width_px,
@@ -102,13 +102,13 @@ class V4l2CameraPair(V4l2Source[StereoFrame]):
                 stream.device.close()
             raise
         self._period_ns = round(1e9 / rate_hz)
-        self._heads = [None, None]
-        self._met_ns, self._refused = self._kernel.monotonic_ns(), 0
+        self._unpaired = [None, None]
+        self._last_pair_ns, self._refused = self._kernel.monotonic_ns(), 0
         return streams
 
-    def _awaited(self) -> V4l2Stream:
+    def _stream_to_wait_for(self) -> V4l2Stream:
         """Return the eye that is behind: its next frame may complete a pair."""
-        return self._streams[0 if self._heads[0] is None else 1]
+        return self._streams[0 if self._unpaired[0] is None else 1]
 
     def _newest(self) -> StereoFrame | None:
         chosen: _Pair | None = None
@@ -121,39 +121,39 @@ class V4l2CameraPair(V4l2Source[StereoFrame]):
                 self._requeue(chosen)
             chosen = pair
         if chosen is not None:
-            return self._take(chosen)
-        if self._refused and self._kernel.monotonic_ns() - self._met_ns > _PATIENCE_S * 1e9:
-            raise self._never_together()
+            return self._copy(chosen)
+        if self._refused and self._kernel.monotonic_ns() - self._last_pair_ns > _LONGEST_WITHOUT_PAIR_S * 1e9:
+            raise self._realign()
         return None
 
     def _next_pair(self) -> _Pair | None:
         """Return the oldest pair of small skew, or None once a frame of either eye is awaited."""
         while True:
-            left, right = (self._head(eye) for eye in range(len(EYES)))
+            left, right = (self._oldest_unpaired(eye) for eye in range(len(EYES)))
             if left is None or right is None:
                 return None
             skew_ns = self._skew_ns = right.stamp_ns - left.stamp_ns
             if 2 * abs(skew_ns) > self._period_ns:
                 self._drop(0 if skew_ns > 0 else 1)
                 continue
-            self._heads = [None, None]
+            self._unpaired = [None, None]
             if abs(skew_ns) <= self._max_skew_ns:
-                self._met_ns, self._refused = self._kernel.monotonic_ns(), 0
+                self._last_pair_ns, self._refused = self._kernel.monotonic_ns(), 0
                 return left, right
             self._refused += 1
             self._dropped[DropCause.UNPAIRED] += 1
             self._requeue((left, right))
 
-    def _head(self, eye: int) -> Arrived | None:
+    def _oldest_unpaired(self, eye: int) -> Arrived | None:
         """Return the oldest frame of an eye that has no partner yet; those behind it stay in the kernel's queue."""
-        head = self._heads[eye]
+        head = self._unpaired[eye]
         if head is None:
-            head = self._heads[eye] = self._streams[eye].next()
+            head = self._unpaired[eye] = self._streams[eye].next()
             self._latest_stamps_ns[eye] = self._streams[eye].latest_stamp_ns
         return head
 
     def _drop(self, eye: int) -> None:
-        head, self._heads[eye] = self._heads[eye], None
+        head, self._unpaired[eye] = self._unpaired[eye], None
         if head is not None:
             self._refused += 1
             self._dropped[DropCause.UNPAIRED] += 1
@@ -163,7 +163,7 @@ class V4l2CameraPair(V4l2Source[StereoFrame]):
         for stream, frame in zip(self._streams, pair, strict=True):
             stream.device.requeue(frame.buffer)
 
-    def _take(self, pair: _Pair) -> StereoFrame | None:
+    def _copy(self, pair: _Pair) -> StereoFrame | None:
         """Copy a pair into the pool and give its buffers back."""
         images = self._pool.take()
         if images is not None:
@@ -176,7 +176,7 @@ class V4l2CameraPair(V4l2Source[StereoFrame]):
         left, right = pair
         return images.frame(self._header(left._replace(arrival_ns=max(left.arrival_ns, right.arrival_ns))))
 
-    def _never_together(self) -> DeviceError:
+    def _realign(self) -> DeviceError:
         """Let the right camera start later next time, by what brings it beside the left one."""
         self._right_later_ns = (self._right_later_ns - self._skew_ns) % self._period_ns
         left, right = (stream.device.name for stream in self._streams)

@@ -73,7 +73,7 @@ class V4l2Source(ABC, Generic[FrameT]):
                 remaining_s = (deadline_ns - self._kernel.monotonic_ns()) * 1e-9
                 if frame is not None or remaining_s <= 0.0:
                     return frame
-                self._awaited().device.wait(remaining_s)
+                self._stream_to_wait_for().device.wait(remaining_s)
         except DeviceError as error:
             self._shut()
             self._retry_later(error)
@@ -93,7 +93,7 @@ class V4l2Source(ABC, Generic[FrameT]):
         """Empty the kernel's queues and return a copy of the last frame chosen from them."""
 
     @abstractmethod
-    def _awaited(self) -> V4l2Stream:
+    def _stream_to_wait_for(self) -> V4l2Stream:
         """Return the stream whose next frame is needed first."""
 
     def _header(self, frame: Arrived) -> FrameHeader:

@@ -34,7 +34,7 @@ class V4l2Stream:
         self._kernel = kernel
         self._dropped = dropped
         self._latest_seq: int | None = None
-        self._heard_ns = kernel.monotonic_ns()
+        self._last_image_ns = kernel.monotonic_ns()
 
     def next(self) -> Arrived | None:
         """Return the next sound frame, which is the caller's to requeue, or None if no more is there.
@@ -42,12 +42,12 @@ class V4l2Stream:
         Raises DeviceError when the camera is gone, was silent for 3 s, or stamps by another clock.
         """
         while (buffer := self.device.dequeue()) is not None:
-            self._heard_ns = self._kernel.monotonic_ns()
-            frame = Arrived(buffer, _stamp_ns(buffer), self._heard_ns)
+            self._last_image_ns = self._kernel.monotonic_ns()
+            frame = Arrived(buffer, _stamp_ns(buffer), self._last_image_ns)
             if self._is_sound(frame):
                 return frame
             self.device.requeue(buffer)
-        if self._kernel.monotonic_ns() - self._heard_ns > _SILENCE_S * 1e9:
+        if self._kernel.monotonic_ns() - self._last_image_ns > _SILENCE_S * 1e9:
             raise DeviceError(f"{self.device.name}: no image for {_SILENCE_S:.0f} s")
         return None
 

@@ -70,7 +70,7 @@ def _check_link_is_up(settings: CanSettings) -> None:
         raise DeviceError(f"CAN {settings.name}: the link is down; `ip link set {settings.channel} up` starts it")
 
 
-def forget_input(bus: can.BusABC) -> None:
+def discard_input(bus: can.BusABC) -> None:
     """Drop what python-can failed to read: it keeps a line that is no text, and would fail on it for ever."""
     if isinstance(bus, slcanBus):
         with contextlib.suppress(can.CanError):

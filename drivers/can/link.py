@@ -14,7 +14,7 @@ from collections.abc import Callable
 import can
 import msgspec
 
-from drivers.can.bus import Send, close_bus, forget_input, innermost, open_bus
+from drivers.can.bus import Send, close_bus, discard_input, innermost, open_bus
 from drivers.can.settings import CanSettings
 from drivers.can.state import CanStateWatch
 from drivers.protocols import DeviceError
@@ -49,11 +49,11 @@ class CanCounters(msgspec.Struct):
 class CanLink:
     """One bus for two threads: one may call `send`, another `receive`. Neither raises once the link is made.
 
-    Raises DeviceError, in one line, if the bus cannot be opened at first; a `patient` link takes that for an outage.
+    Raises DeviceError, in one line, if the bus cannot be opened at first; with `retry_opening` that is an outage.
     """
 
     def __init__(
-        self, settings: CanSettings, *, patient: bool = False, now_ns: Callable[[], int] = time.monotonic_ns
+        self, settings: CanSettings, *, retry_opening: bool = False, now_ns: Callable[[], int] = time.monotonic_ns
     ) -> None:
         self.counters = CanCounters()
         self._settings = settings
@@ -71,9 +71,9 @@ class CanLink:
         try:
             self._bus, self._send = open_bus(settings)
         except DeviceError as error:
-            if not patient:
+            if not retry_opening:
                 raise
-            self._lose(error)
+            self._mark_failed(error)
 
     @property
     def bus_health(self) -> CanBusHealth:
@@ -97,7 +97,7 @@ class CanLink:
             except (can.CanError, OSError) as error:
                 if not _is_outage(error):
                     return SendResult.QUEUE_FULL
-                self._lose(error)
+                self._mark_failed(error)
                 return SendResult.LINK_DOWN
             self._pause_s = FIRST_PAUSE_S
             return SendResult.SENT if taken else SendResult.QUEUE_FULL
@@ -131,9 +131,9 @@ class CanLink:
                 except (can.CanError, OSError, ValueError) as error:  # ValueError: an slcan line that is no frame
                     self.counters.bus_errors += 1
                     if _is_outage(error):
-                        self._lose(error)
+                        self._mark_failed(error)
                     else:
-                        forget_input(self._bus)
+                        discard_input(self._bus)
                     return None
                 if message is not None:
                     self._pause_s = FIRST_PAUSE_S
@@ -145,10 +145,10 @@ class CanLink:
         if message.is_error_frame:
             self.counters.bus_errors += 1
             before = self._watch.state
-            self._watch.saw_error(message, self._now_ns())
-            self._tell_change(before)
+            self._watch.on_error_frame(message, self._now_ns())
+            self._log_change(before)
             return None
-        self._watch.saw_traffic()
+        self._watch.on_other_frame()
         if message.arbitration_id != can_id(CanMessage.ANKLE_STATE) or message.is_extended_id:
             return None
         # the kernel begins to stamp a while after a socket asks for it: what came before is stamped when it is read
@@ -162,7 +162,7 @@ class CanLink:
         self.counters.ankle_states += 1
         return decode_ankle(data, t_ns)
 
-    def _tell_change(self, before: CanState) -> None:
+    def _log_change(self, before: CanState) -> None:
         now = self._watch.state
         if now is not before and CanState.BUS_OFF in (now, before):
             log.warning("CAN %s: controller is %s", self._settings.name, now.value)
@@ -183,14 +183,14 @@ class CanLink:
         finally:
             other_side.release()
         self._failed = False
-        self._watch.opened()
+        self._watch.on_opened()
         log.warning("CAN %s: open again", self._settings.name)
         return True
 
-    def _lose(self, error: Exception) -> None:
+    def _mark_failed(self, error: Exception) -> None:
         self.counters.outages += 1
         self._failed = True
-        self._watch.lost()
+        self._watch.on_lost()
         self._lengthen_pause()
         log.error("CAN %s lost: %s", self._settings.name, innermost(error))
 

@@ -35,7 +35,7 @@ class CanStateWatch:
         self.bus_offs = 0
         self._probe_ns = 0
 
-    def saw_error(self, frame: can.Message, now_ns: int) -> None:
+    def on_error_frame(self, frame: can.Message, now_ns: int) -> None:
         """Take one error frame."""
         classes = frame.arbitration_id
         if classes & _ErrorClass.BUS_OFF:
@@ -48,16 +48,16 @@ class CanStateWatch:
             told = (state for bits, state in _STATES_OF_THE_CONTROLLER if frame.data[1] & bits)
             self.state = next(told, self.state)
 
-    def saw_traffic(self) -> None:
+    def on_other_frame(self) -> None:
         """Take notice of a frame received from another node: a controller that hears one is on the bus."""
         if self.state in (CanState.BUS_OFF, CanState.DOWN):
             self.state = CanState.ACTIVE
 
-    def opened(self) -> None:
+    def on_opened(self) -> None:
         """Begin anew on a link just opened."""
         self.state = CanState.ACTIVE
 
-    def lost(self) -> None:
+    def on_lost(self) -> None:
         """Take notice that the link is gone."""
         self.state = CanState.DOWN
 

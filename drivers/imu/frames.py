@@ -1,4 +1,4 @@
-"""Frames of an MPU-6050, the fourteen bytes of its output registers: reading, doubting and decoding them."""
+"""Frames of an MPU-6050, the fourteen bytes of its output registers: reading, checking and decoding them."""
 
 import errno
 import struct
@@ -56,36 +56,36 @@ def refuse_without_data(frames: Sequence[bytes]) -> None:
             raise OSError(errno.EIO, f"samples of 0x{frame[0]:02x} alone, as no chip at work gives")
 
 
-class LifeSign:
-    """Notices a hung signal chain: its frames repeat, which the noise of a living one prevents.
+class FreezeDetector:
+    """Detects a hung signal chain: its frames repeat, which the noise of a working one prevents.
 
-    After `restarted`, no frame counts as alive before one has come that differs from its predecessor.
+    After `reset`, no frame counts as changing before one has come that differs from its predecessor.
     """
 
     def __init__(self, frozen_frames: int) -> None:
         self._frozen_frames = frozen_frames
         self._last = b""
         self._equal = 0
-        self._alive = False
+        self._changed = False
 
-    def restarted(self) -> None:
+    def reset(self) -> None:
         """Begin anew after the chip was mended; the last frame from before is still remembered."""
-        self._equal, self._alive = 0, False
+        self._equal, self._changed = 0, False
 
-    def living(self, frames: Sequence[bytes]) -> list[bool]:
-        """Take the frames that came next and return of each whether it shows life."""
-        return [self._shows_life(frame) for frame in frames]
+    def changing(self, frames: Sequence[bytes]) -> list[bool]:
+        """Take the frames that came next and return of each whether any has changed since the restart."""
+        return [self._has_changed(frame) for frame in frames]
 
     @property
     def is_frozen(self) -> bool:
         """Return whether too many frames in a row were the same."""
         return self._equal >= self._frozen_frames
 
-    def _shows_life(self, frame: bytes) -> bool:
+    def _has_changed(self, frame: bytes) -> bool:
         self._equal = self._equal + 1 if frame == self._last else 1
-        self._alive = self._alive or frame != self._last
+        self._changed = self._changed or frame != self._last
         self._last = frame
-        return self._alive
+        return self._changed
 
 
 def decode(

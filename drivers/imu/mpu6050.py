@@ -32,7 +32,7 @@ from messages import ImuSample
 _MIN_ROOM_FRAMES = 3  # with no more room than this the FIFO may overflow while it is being read
 _CHECK_EVERY_NS = 1_000_000_000
 _FASTEST_BYTE_S = 9 / 400_000  # fast mode is the most these chips know
-_DOUBT_PERIODS = 3
+_CHECK_SILENCE_PERIODS = 3
 _STALL_PERIODS = 8
 
 
@@ -92,7 +92,7 @@ class Mpu6050:
         self._stream = SampleStream(configuration, self._counters, clock, has_edges=open_data_ready is not None)
         self._wait = SampleWait(open_data_ready, configuration.period_s, clock, sleep)
         self._checked_ns = 0  # when the configuration was last read back
-        self._doubted_ns = 0  # the same, because samples stopped
+        self._checked_silence_ns = 0  # the same, because samples stopped
         self._reopened_after_ns: int | None = None  # the last sample before the bus was opened anew
 
     @property
@@ -125,7 +125,7 @@ class Mpu6050:
             self._wait.open()
             self._start()
         except OSError as error:
-            self._give_up(error)
+            self._fail(error)
 
     def read(self, timeout_s: float) -> Sequence[ImuSample]:
         """Return all samples taken since the last call, oldest first; empty if none came within `timeout_s`.
@@ -137,7 +137,7 @@ class Mpu6050:
         while True:
             if self._access.is_open:
                 self._stream.add_edges(self._wait.until(end_ns, edges_expected=self._stream.edges_are_seen))
-            samples = self._look()
+            samples = self._read_now()
             if samples or self._clock() >= end_ns:
                 return samples
 
@@ -155,7 +155,7 @@ class Mpu6050:
             finally:
                 self._start()
         except OSError as error:
-            self._give_up(error)
+            self._fail(error)
 
     def close(self) -> None:
         """Release the bus and the line."""
@@ -173,12 +173,12 @@ class Mpu6050:
         try:
             found = model_of(self._access.read_byte(Register.WHO_AM_I))
         except LookupError as error:
-            self._refuse(str(error))
+            self._fail_because(str(error))
         if self._chip is None:
             self._chip = found
             self._stream.configuration = configure(self._settings, found)
         elif found is not self._chip:
-            self._refuse(f"it is now 0x{found.who_am_i:02x} {found.name}, was 0x{self._chip.who_am_i:02x}")
+            self._fail_because(f"it is now 0x{found.who_am_i:02x} {found.name}, was 0x{self._chip.who_am_i:02x}")
 
     def _chip_found(self) -> ChipModel:
         if self._chip is None:
@@ -209,19 +209,20 @@ class Mpu6050:
                 return f"{Register(register).name} reads 0x{value:02x}, was set to 0x{expected[register]:02x}"
         return ""
 
-    def _come_back(self, symptom: str) -> None:
+    def _recover(self, symptom: str) -> None:
         """Open the bus anew; restart the chip if it lost its configuration, or if this was tried since the last sample.
 
         Raises DeviceError if that is in vain.
         """
-        tried, self._reopened_after_ns = self._reopened_after_ns == self._stream.heard_ns, self._stream.heard_ns
+        newest_ns = self._stream.last_sample_ns
+        tried, self._reopened_after_ns = self._reopened_after_ns == newest_ns, newest_ns
         try:
             self._connect()
             is_configured = not self._wrong_register()
         except OSError as error:
-            self._give_up(error)
+            self._fail(error)
         if tried:
-            self._mend(symptom)
+            self._restart_idle_chip(symptom)
         elif not is_configured:
             self._restart()
 
@@ -230,35 +231,35 @@ class Mpu6050:
         try:
             self._start()
         except OSError as error:
-            self._give_up(error)
+            self._fail(error)
         self._counters.resets += 1
 
-    def _mend(self, symptom: str) -> None:
+    def _restart_idle_chip(self, symptom: str) -> None:
         """Restart a chip that answers without working; raise DeviceError if it has not worked since the last start."""
-        hopeless = not self._stream.works
+        never_worked = not self._stream.works
         self._restart()
-        if hopeless:
-            self._refuse(f"answers but {symptom}")
+        if never_worked:
+            self._fail_because(f"answers but {symptom}")
 
-    def _give_up(self, error: OSError) -> NoReturn:
+    def _fail(self, error: OSError) -> NoReturn:
         self._access.close()
         self._reopened_after_ns = None
         raise DeviceError(f"IMU at I2C address 0x{self._address:02x}: {error}") from error
 
-    def _refuse(self, why: str) -> NoReturn:
-        self._give_up(OSError(why))
+    def _fail_because(self, why: str) -> NoReturn:
+        self._fail(OSError(why))
 
     # Reading
 
-    def _look(self) -> list[ImuSample]:
+    def _read_now(self) -> list[ImuSample]:
         """Return what the chip has now; empty after mending."""
         if self._access.is_open:
             try:
                 return self._poll()
             except OSError as error:
-                self._come_back(str(error))
+                self._recover(str(error))
         else:
-            self._come_back("does not come back")
+            self._recover("does not come back")
         return []
 
     def _poll(self) -> list[ImuSample]:
@@ -274,10 +275,10 @@ class Mpu6050:
         """Take the sample in the output registers; after a late poll, look again if it is in doubt which one it is."""
         data, t_before_ns, t_after_ns = new_output(self._access, self._clock)
         if not data:
-            return self._nothing_new(t_before_ns)
-        doubt_s = self._stream.doubt_s(t_before_ns)
-        if doubt_s > 0.0:
-            self._sleep(doubt_s)
+            return self._on_nothing_new(t_before_ns)
+        ambiguous_s = self._stream.ambiguous_s(t_before_ns)
+        if ambiguous_s > 0.0:
+            self._sleep(ambiguous_s)
             further, t_before_ns, t_after_ns = new_output(self._access, self._clock)
             data += further
         return self._samples(data, t_before_ns, t_after_ns)
@@ -294,7 +295,7 @@ class Mpu6050:
             if count % FRAME.size or room_frames <= _MIN_ROOM_FRAMES:
                 return self._flush()
             if count == 0:
-                return self._nothing_new(t_before_ns)
+                return self._on_nothing_new(t_before_ns)
             try:
                 data = self._access.burst(Register.FIFO_R_W, count)
             except OSError as error:
@@ -326,17 +327,17 @@ class Mpu6050:
         self._wait.waiting()  # those edges belong to samples nobody will see
         return t_before_ns
 
-    def _nothing_new(self, t_ns: int) -> list[ImuSample]:
-        """Note that no sample had come at `t_ns`; look after the chip if none has come for long."""
+    def _on_nothing_new(self, t_ns: int) -> list[ImuSample]:
+        """Note that no sample had come at `t_ns`; check the chip if none has come for long."""
         stream = self._stream
-        stream.nothing_at(t_ns)
+        stream.none_new_at(t_ns)
         silent_periods = stream.silent_periods(t_ns)
         if silent_periods > _STALL_PERIODS:
-            self._mend("delivers no samples")
-        elif silent_periods > _DOUBT_PERIODS and self._doubted_ns < stream.heard_ns:
-            self._doubted_ns = t_ns
+            self._restart_idle_chip("delivers no samples")
+        elif silent_periods > _CHECK_SILENCE_PERIODS and self._checked_silence_ns < stream.last_sample_ns:
+            self._checked_silence_ns = t_ns
             if wrong := self._wrong_register():
-                self._mend(wrong)
+                self._restart_idle_chip(wrong)
         return []
 
     def _samples(self, data: bytes, t_before_ns: int, t_after_ns: int) -> list[ImuSample]:
@@ -344,7 +345,7 @@ class Mpu6050:
         frames = split(data)
         if self._stream.lacks_edges(len(frames)):
             self._stream.add_edges(self._wait.waiting())  # that came while the chip was read
-        samples = self._stream.take(frames, t_before_ns, t_after_ns)
+        samples = self._stream.add_frames(frames, t_before_ns, t_after_ns)
         if self._stream.is_frozen:
-            self._mend("its samples never change")
+            self._restart_idle_chip("its samples never change")
         return samples

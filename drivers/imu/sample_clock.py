@@ -208,7 +208,7 @@ class SampleClock:
         """Return how many samples beyond `count` were surely complete at `t_ns`; 0 before the first sample."""
         return 0 if self._line is None else max(0, self._line.surely_completed(t_ns) - count)
 
-    def doubt_s(self, count: int, t_ns: int) -> float:
+    def ambiguous_s(self, count: int, t_ns: int) -> float:
         """Return how long after `t_ns` it is sure which samples beyond `count` are complete; 0 if it is already."""
         if self._line is None:
             return 0.0

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from drivers.imu.frames import LifeSign, decode, refuse_without_data
+from drivers.imu.frames import FreezeDetector, decode, refuse_without_data
 from drivers.imu.sample_clock import SampleClock
 from drivers.imu.settings import Configuration
 from messages import ImuSample
@@ -34,12 +34,12 @@ class SampleStream:
         self._clock = clock
         self._has_edges = has_edges
         self._sample_clock = SampleClock(configuration.period_s)
-        self._life = LifeSign(configuration.frozen_frames)
+        self._freeze_detector = FreezeDetector(configuration.frozen_frames)
         self._taken = 0  # the newest sample taken from the chip, discarded ones included
         self._delivered = 0  # the newest sample returned
         self._edged = 0  # the newest sample whose edge was seen, or given up
         self._edges: list[int] = []  # not yet assigned to a sample
-        self.heard_ns = 0
+        self.last_sample_ns = 0
         """When there was last a sample, a start or a flush."""
         self.works = False
         """Whether there was a sample since the last start."""
@@ -53,15 +53,15 @@ class SampleStream:
     @property
     def is_frozen(self) -> bool:
         """Return whether the newest frames are the same over and over."""
-        return self._life.is_frozen
+        return self._freeze_detector.is_frozen
 
     def silent_periods(self, t_ns: int) -> float:
         """Return how many periods there has been no sample."""
-        return (t_ns - self.heard_ns) / (self.configuration.period_s * 1e9)
+        return (t_ns - self.last_sample_ns) / (self.configuration.period_s * 1e9)
 
-    def doubt_s(self, t_ns: int) -> float:
+    def ambiguous_s(self, t_ns: int) -> float:
         """Return how long after `t_ns` it is sure how many samples beyond the next one are complete."""
-        return self._sample_clock.doubt_s(self._taken + 1, t_ns)
+        return self._sample_clock.ambiguous_s(self._taken + 1, t_ns)
 
     def until_mid_period_s(self) -> float:
         """Return the time to the next instant halfway between two samples."""
@@ -82,24 +82,24 @@ class SampleStream:
         self._sample_clock.skip_to(self._taken)
         self._edges.clear()
         self.edges_are_seen = False
-        self.heard_ns = t_ns
+        self.last_sample_ns = t_ns
 
     def restarted_at(self, t_ns: int) -> None:
         """Note that the chip was started anew and gave nothing up to `t_ns`; tell first what was discarded."""
         self._sample_clock.restart(self._taken, t_ns)
-        self._life.restarted()
-        self.heard_ns = t_ns
+        self._freeze_detector.reset()
+        self.last_sample_ns = t_ns
         self.works = False
 
-    def nothing_at(self, t_ns: int) -> None:
+    def none_new_at(self, t_ns: int) -> None:
         """Note that no new sample was complete at `t_ns`."""
         self._sample_clock.pending_at(self._taken + 1, t_ns)
         self.edges_are_seen = False
 
-    def take(self, frames: Sequence[bytes], t_before_ns: int, t_after_ns: int) -> list[ImuSample]:
+    def add_frames(self, frames: Sequence[bytes], t_before_ns: int, t_after_ns: int) -> list[ImuSample]:
         """Return the samples that `frames` hold, which were all that was new at an instant between the two times.
 
-        Frames of a chip that has not shown life since its restart, and all if `is_frozen`, are left out.
+        Frames that have not changed since the chip's restart, and all if `is_frozen`, are left out.
         Raises OSError (EIO), taking none, if a frame is none of a chip at work.
         """
         try:
@@ -107,8 +107,8 @@ class SampleStream:
         except OSError:
             self._counters.frames_refused += len(frames)
             raise
-        living = self._life.living(frames)
-        if self._life.is_frozen:
+        changing = self._freeze_detector.changing(frames)
+        if self._freeze_detector.is_frozen:
             return []
         newest = self._taken + len(frames)
         newest += self._sample_clock.missed(newest, t_before_ns)
@@ -116,11 +116,15 @@ class SampleStream:
         self._sample_clock.pending_at(newest + 1, t_before_ns)
         self._sample_clock.completed_by(newest, t_after_ns)
         self._taken = newest
-        self.heard_ns = t_after_ns
-        self.works = self.works or any(living)
+        self.last_sample_ns = t_after_ns
+        self.works = self.works or any(changing)
         t_arrival_ns = self._clock()
         first = newest - len(frames) + 1
-        return [self._sample(frame, first + place, t_arrival_ns) for place, frame in enumerate(frames) if living[place]]
+        return [
+            self._sample(frame, index, t_arrival_ns)
+            for index, (frame, changes) in enumerate(zip(frames, changing, strict=True), first)
+            if changes
+        ]
 
     def _assign_edges(self, new_frames: int, newest: int) -> None:
         """Tell the sample clock whose the waiting edges are: by their time, or in turn if there is one per frame."""

@@ -113,7 +113,7 @@ def _true_floor(pair: RealPair, R_HC: FloatArray) -> Plane:
     points_H = rays_H * (F_PX * BASELINE_M / disparity_px)[:, None]
     inside = FLOOR.contains(points_H)
     fit = PlaneFitter(fB_px_m=F_PX * BASELINE_M).fit(
-        rays_H[inside], disparity_px[inside], FLOOR.emphasis(points_H[inside])
+        rays_H[inside], disparity_px[inside], FLOOR.weights(points_H[inside])
     )
     if fit is None:
         raise ValueError("no floor in the true disparity")

@@ -26,7 +26,7 @@ class AttitudeFilter:
 
     It starts from the first second of rest or, without one, from the motion of that second, with a covariance that
     admits it. After a gap longer than `gap_s` it goes on from how the IMU usually hangs on its wearer, and starts over
-    where the samples refute that. What rest taught in the moments before a walk was noticed is taken back.
+    where the samples refute that. What was learnt from rest in the moments before a walk was detected is undone.
     """
 
     def __init__(self, settings: AttitudeSettings, residual: Residual) -> None:
@@ -42,16 +42,16 @@ class AttitudeFilter:
         """Go on from `state`."""
         self._state = copy.deepcopy(state)
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Start afresh, as before the first sample: attitude, motion and the sensors' errors are unknown again."""
         self._state = self._kalman.new_state()
 
-    def turn(self, since: Sequence[Sample]) -> None:
+    def carry_by_gyro(self, since: Sequence[Sample]) -> None:
         """Go on from the vertical that the gyroscope alone carries through the samples `since` the state, all valid.
 
-        Of the motion nothing is left: what the accelerometer told meanwhile counts for nothing.
+        Of the motion nothing is left: what the accelerometer measured meanwhile is not used.
         """
-        self._state = self._kalman.turned(self._state, since)
+        self._state = self._kalman.carried_by_gyro(self._state, since)
 
     @property
     def q_WB(self) -> Quaternion:
@@ -71,7 +71,7 @@ class AttitudeFilter:
         return self._kalman.rate(self._state, self._state.w_measured)
 
     @property
-    def bob_mps(self) -> float:
+    def vertical_swing_mps(self) -> float:
         """Return how fast the IMU rises at the last sample, m/s, about the mean of the walk; 0 before the start."""
         return self._state.v_W[2] - self._state.drift_W[2]
 
@@ -109,7 +109,7 @@ class AttitudeFilter:
             return Reason.NO_IMU
         if state.levelling is None and self._kalman.knows_tilt(state, self.settings.usable_tilt_rad):
             return Reason.NONE
-        return state.doubt if state.started or state.doubt is Reason.NO_IMU else Reason.STARTING
+        return state.reason_uncertain if state.started or state.reason_uncertain is Reason.NO_IMU else Reason.STARTING
 
     def update(self, t_ns: int, sf_B: Vec3, w_B: Vec3, clipped: bool = False) -> None:
         """Take one calibrated sample: specific force in m/s² and angular rate in rad/s, in B, at `t_ns`.
@@ -123,39 +123,39 @@ class AttitudeFilter:
             raise ValueError(f"IMU sample at {t_ns} ns: must be later than the one before it, at {last_ns} ns")
         sample = Sample(t_ns, sf_B, w_B, clipped)
         rested = self._state.resting
-        self._take(sample)
-        self._remember(sample)
+        self._process(sample)
+        self._checkpoint_rest(sample)
         if rested and not self._state.resting:
-            self._take_back()
+            self._redo_without_rest()
 
-    def _take(self, sample: Sample) -> None:
+    def _process(self, sample: Sample) -> None:
         self._bound_clipping(sample)
         state, settings = self._state, self.settings
         dt_s = 0.0 if state.t_ns is None else 1e-9 * (sample.t_ns - state.t_ns)
         if state.t_ns is None or dt_s > settings.gap_s:
-            state = self._begin(sample, dt_s)
+            state = self._start_after_gap(sample, dt_s)
             dt_s = 0.0
         state.t_ns = sample.t_ns
         if sample.clipped:
-            state.doubt = Reason.NO_IMU
-        if sample.clipped or dt_s > settings.notice_s / 2:
-            state.rest, state.unproven_s = Rest(), settings.unproven_s  # a walk may have begun unseen
+            state.reason_uncertain = Reason.NO_IMU
+        if sample.clipped or dt_s > settings.detection_delay_s / 2:
+            state.rest, state.pace_unknown_s = Rest(), settings.pace_unknown_s  # a walk may have begun unseen
         state.rest.update(settings.rest, sample.sf_B, sample.w_B, dt_s)
         rested = state.resting
         if not state.started:
             state.sf_measured, state.w_measured, state.usual_step_s = sample.sf_B, sample.w_B, dt_s
         elif dt_s > 0.0:
             self._kalman.integrate(state, sample, dt_s)
-        if not rested and self._rest_tells_more(state):
+        if not rested and self._rest_is_better(state):
             self._kalman.start_at_rest(state)
             state.levelling = None
         elif state.levelling is not None:
             self._level(state, state.levelling, sample, dt_s)
         elif self._kalman.knows_tilt(state, settings.usable_tilt_rad):
-            state.habit.update(settings.habit, self._up_B, dt_s)
+            state.usual_mounting.update(settings.usual_mounting, self._up_B, dt_s)
 
     def _bound_clipping(self, sample: Sample) -> None:
-        """Remember what was before samples were clipped; go back to that where it lasted for too long."""
+        """Save the state from before samples were clipped; go back to it where that lasted for too long."""
         state = self._state
         if sample.clipped and state.before_clipping is None and state.t_ns is not None:
             state.before_clipping = copy.deepcopy(replace(state, checkpoints=[]))
@@ -164,29 +164,29 @@ class AttitudeFilter:
                 self._state = state.before_clipping
             state.before_clipping = None
 
-    def _rest_tells_more(self, state: AttitudeState) -> bool:
-        """Return whether a rest just noticed tells the vertical better than all before it."""
+    def _rest_is_better(self, state: AttitudeState) -> bool:
+        """Return whether a rest just detected gives the vertical better than all before it."""
         return self._kalman.at_rest(state) and not self._kalman.knows_tilt(state, self.settings.usable_tilt_rad / 2)
 
-    def _begin(self, sample: Sample, gap_s: float) -> AttitudeState:
-        """Go on from how the IMU usually hangs, if that tells more than the motion to come; else wait for that."""
+    def _start_after_gap(self, sample: Sample, gap_s: float) -> AttitudeState:
+        """Go on from the usual mounting, if it gives the vertical better than the motion to come, or wait for that."""
         settings, before = self.settings, self._state
         if before.t_ns is not None:
-            before.doubt = Reason.NO_IMU
-        before = self._kalman.forgotten(before, gap_s)
-        state = self._state = self._kalman.forgotten(before, 0.0)
+            before.reason_uncertain = Reason.NO_IMU
+        before = self._kalman.after_gap(before, gap_s)
+        state = self._state = self._kalman.after_gap(before, 0.0)
         state.levelling = Levelling(before)
         state.sf_measured, state.w_measured = sample.sf_B, sample.w_B
-        tilt_rad = state.habit.tilt_rad(settings.habit, gap_s)
+        tilt_rad = state.usual_mounting.tilt_rad(settings.usual_mounting, gap_s)
         if tilt_rad < settings.moving_start_tilt_rad:
-            mean_up_B = state.habit.mean_up_B
+            mean_up_B = state.usual_mounting.mean_up_B
             state.levelling.assumed_up_S = vec3.scaled(mean_up_B, 1.0 / math.hypot(*mean_up_B))
             state.levelling.assumed_var = tilt_rad**2
-            self._kalman.start_in_motion(state, state.habit.mean_up_B, tilt_rad)
+            self._kalman.start_in_motion(state, state.usual_mounting.mean_up_B, tilt_rad)
         return state
 
     def _level(self, state: AttitudeState, levelling: Levelling, sample: Sample, dt_s: float) -> None:
-        """Gather the motion until it tells the vertical, by itself or by confirming the habit."""
+        """Gather the motion until it gives the vertical, by itself or by confirming the usual mounting."""
         settings = self.settings
         levelling.since.append(sample)
         levelling.elapsed_s += dt_s
@@ -200,13 +200,13 @@ class AttitudeFilter:
             return
         known = self._kalman.knows_tilt(state, settings.usable_tilt_rad)
         refuted = (known or levelling.elapsed_s >= settings.rest.time_s) and self._is_refuted(state, levelling)
-        if refuted or levelling.elapsed_s >= settings.doubt_s:
+        if refuted or levelling.elapsed_s >= settings.confirm_within_s:
             self._start_over(state, levelling)
         elif known:
             state.levelling = None
 
     def _is_refuted(self, state: AttitudeState, levelling: Levelling) -> bool:
-        """Return whether the samples moved the vertical farther from where habit had it than they were likely to.
+        """Return whether the samples moved the vertical farther from that of the usual mounting than was likely.
 
         Independent of each other, what is assumed and what is then known differ by the difference of their variances.
         """
@@ -220,7 +220,7 @@ class AttitudeFilter:
     def _start_over(self, state: AttitudeState, levelling: Levelling) -> None:
         """Start in motion at the first sample, level by the mean specific force, and go through all since again."""
         first = levelling.since[0]
-        again = self._state = self._kalman.forgotten(levelling.before, 0.0)
+        again = self._state = self._kalman.after_gap(levelling.before, 0.0)
         again.sf_measured, again.w_measured, again.usual_step_s = first.sf_B, first.w_B, state.usual_step_s
         up_S = vec3.minus(vec3.scaled(levelling.sum_sf_S, 1.0 / levelling.elapsed_s), again.sf_bias)
         self._kalman.start_in_motion(again, up_S, self.settings.moving_start_tilt_rad)
@@ -232,22 +232,22 @@ class AttitudeFilter:
     def _up_B(self) -> Vec3:
         return so3.rows_from_quaternion(self._state.q_WB)[6:9]
 
-    def _remember(self, sample: Sample) -> None:
-        """At rest keep the states of one and two `notice_s` ago, and the samples since."""
+    def _checkpoint_rest(self, sample: Sample) -> None:
+        """At rest keep the states of one and two `detection_delay_s` ago, and the samples since."""
         state = self._state
         for checkpoint in state.checkpoints:
             checkpoint.since.append(sample)
         if state.resting:
             newest_ns = state.checkpoints[-1].state.t_ns if state.checkpoints else None
-            if newest_ns is None or sample.t_ns - newest_ns >= 1e9 * self.settings.notice_s:
+            if newest_ns is None or sample.t_ns - newest_ns >= 1e9 * self.settings.detection_delay_s:
                 now = copy.deepcopy(replace(state, checkpoints=[]))
                 state.checkpoints = [*state.checkpoints[-1:], Checkpoint(now)]
 
-    def _take_back(self) -> None:
-        """Go over the last moments again, without rest: a walk had begun before it was noticed."""
+    def _redo_without_rest(self) -> None:
+        """Go over the last moments again, without rest: a walk had begun before it was detected."""
         if self._state.checkpoints:
             past = self._state.checkpoints[0]
             self._state = past.state
             self._state.rest, self._state.resting = Rest(), False
             for sample in past.since:
-                self._take(sample)
+                self._process(sample)

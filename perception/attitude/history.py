@@ -23,7 +23,7 @@ class AttitudeAt(NamedTuple):
     t_ns: int
     q_WB: Quaternion
     w_WB_B: Vec3
-    bob_mps: float
+    vertical_swing_mps: float
     rotation_cov_W: FloatArray
 
     @property
@@ -55,7 +55,7 @@ class AttitudeHistory:
         return self._ring[-1].t_ns if self._ring else None
 
     def clear(self) -> None:
-        """Forget everything, as after a new start of the filter, whose yaw starts anew."""
+        """Remove everything, as after a new start of the filter, whose yaw starts anew."""
         self._ring.clear()
 
     def append(self, attitude: AttitudeAt) -> None:
@@ -101,5 +101,5 @@ class AttitudeHistory:
 def _between(before: AttitudeAt, after: AttitudeAt, t_ns: int) -> AttitudeAt:
     share = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
     rate = vec3.between(before.w_WB_B, after.w_WB_B, share)
-    bob_mps = before.bob_mps + share * (after.bob_mps - before.bob_mps)
-    return AttitudeAt(t_ns, so3.slerp(before.q_WB, after.q_WB, share), rate, bob_mps, before.rotation_cov_W)
+    vertical_swing_mps = before.vertical_swing_mps + share * (after.vertical_swing_mps - before.vertical_swing_mps)
+    return AttitudeAt(t_ns, so3.slerp(before.q_WB, after.q_WB, share), rate, vertical_swing_mps, before.rotation_cov_W)

@@ -15,7 +15,7 @@ motion:
     v = u + n_v,   at rest also   w = n_r                                           (4)
 
 b, M: gyroscope's bias, and scale and misalignment; a: accelerometer's bias; u: drift, or sway at rest. The yaw of W is
-arbitrary, and (4) never pretends to know it: turning everything about e_z changes no measurement. Invariant error:
+arbitrary, and (4) says nothing about it: turning everything about e_z changes no measurement. Invariant error:
 Barrau, Bonnabel, IEEE TAC 62(4), 2017.
 """
 
@@ -53,7 +53,7 @@ _RATE_AND_SWING_ARE_ZERO = np.vstack((_RATE_IS_ZERO, _SWING_IS_ZERO))
 _CROSS_UP = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 """θ × e_z = _CROSS_UP θ."""
 
-_FAR = 3.0
+_FAR_SIGMAS = 3.0
 """Standard deviations beyond which a velocity belongs to another motion."""
 
 _STEP_GAIN = 0.05
@@ -84,20 +84,20 @@ class AttitudeKalman:
         """Return the state before the first sample."""
         return AttitudeState(np.diag(self._initial_var))
 
-    def forgotten(self, state: AttitudeState, gap_s: float) -> AttitudeState:
+    def after_gap(self, state: AttitudeState, gap_s: float) -> AttitudeState:
         """Return the state before the first sample after `gap_s` without: of the motion nothing is left, of the
-        sensors' errors and the wearer's habit all."""
+        sensors' errors and the usual mounting all."""
         return AttitudeState(
             state.covariance + np.diag(self._walk_density * gap_s),
             usual_step_s=state.usual_step_s,
             gyro_bias=state.gyro_bias,
             sf_bias=state.sf_bias,
             gyro_matrix=state.gyro_matrix,
-            doubt=state.doubt,
-            habit=replace(state.habit),
+            reason_uncertain=state.reason_uncertain,
+            usual_mounting=replace(state.usual_mounting),
         )
 
-    def turned(self, state: AttitudeState, since: Sequence[Sample]) -> AttitudeState:
+    def carried_by_gyro(self, state: AttitudeState, since: Sequence[Sample]) -> AttitudeState:
         """Return the state after the samples `since` a started one, by the gyroscope alone: (1), and no motion known.
 
         The tilt's variance grows by that of the bias, the matrix and the noise over all that was turned.
@@ -116,7 +116,7 @@ class AttitudeKalman:
         matrix_var = float(np.diag(P[GYRO_MATRIX, GYRO_MATRIX]).max()) * vec3.square(net_rad)
         noise_var = settings.gyro_noise_radps_rthz**2 * elapsed_s
         tilt_var = max(P[0, 0], P[1, 1]) + bias_var + matrix_var + path_rad2 + noise_var
-        after = self.forgotten(state, elapsed_s)
+        after = self.after_gap(state, elapsed_s)
         after.t_ns, after.w_measured, after.sf_measured = t_ns, w_before, since[-1].sf_B
         self.start_in_motion(after, so3.rows_from_quaternion(q_WB)[6:9], math.sqrt(tilt_var))
         return after
@@ -158,7 +158,7 @@ class AttitudeKalman:
         """Start with the vertical along `up_B`, of any length, known to `tilt_rad` on each axis, at an unknown pace."""
         settings = self.settings
         self._start(state, up_B, tilt_rad, settings.moving_start_speed_mps)
-        state.unproven_s = settings.unproven_s
+        state.pace_unknown_s = settings.pace_unknown_s
         state.mean_square_swing = settings.moving_start_swing_mps**2
         P = state.covariance
         P[DRIFT, VELOCITY] = P[VELOCITY, DRIFT] = P[DRIFT, DRIFT]
@@ -169,7 +169,7 @@ class AttitudeKalman:
         state.started = True
         state.q_WB = so3.quaternion_from_up(up_B)
         state.v_W = state.drift_W = vec3.ZERO
-        state.unproven_s = 0.0
+        state.pace_unknown_s = 0.0
         state.step = Step()
         state.sf_W = _specific_force_W(state)
         P = state.covariance
@@ -202,11 +202,11 @@ class AttitudeKalman:
         step.yaw_rad += rows[6] * turned[0] + rows[7] * turned[1] + rows[8] * turned[2]
         step.rotation_var += self._rotation_per_square_rate * vec3.square(w_mid) * dt_s
         step.velocity_var += self._velocity_per_square_acceleration * vec3.square(acceleration_W) * dt_s
-        self._lose_certainty(state, dt_s, sample.clipped)
+        self._add_unseen_variance(state, dt_s, sample.clipped)
         if step.elapsed_s >= self.settings.correction_s:
             self._correct(state)
 
-    def _lose_certainty(self, state: AttitudeState, dt_s: float, clipped: bool) -> None:
+    def _add_unseen_variance(self, state: AttitudeState, dt_s: float, clipped: bool) -> None:
         """Add the variance of what the samples did not show: between them, or beyond the range."""
         settings, step = self.settings, state.step
         if dt_s > 1.5 * state.usual_step_s:
@@ -222,14 +222,14 @@ class AttitudeKalman:
     def _correct(self, state: AttitudeState) -> None:
         """Kalman filter over the errors: predict by (3), measure (4)."""
         step, state.step = state.step, Step()
-        self._predict(state, step, self._notice_rest(state))
+        self._predict(state, step, self._detect_rest(state))
         self._measure(state, step.elapsed_s)
 
-    def _notice_rest(self, state: AttitudeState) -> bool:
+    def _detect_rest(self, state: AttitudeState) -> bool:
         """Begin or end a rest; return True where the velocity belongs to none and no walk: a vehicle, or an error."""
         settings = self.settings
         variance = max(state.covariance[6, 6], state.covariance[7, 7]) + settings.sway_mps**2
-        stands_still = math.hypot(*state.v_W[:2]) <= _FAR * math.sqrt(variance)
+        stands_still = math.hypot(*state.v_W[:2]) <= _FAR_SIGMAS * math.sqrt(variance)
         at_rest = self.at_rest(state)
         state.resting = at_rest and (state.resting or stands_still)
         return (at_rest and not state.resting) or math.hypot(*state.drift_W[:2]) > settings.drift_limit_mps
@@ -244,9 +244,9 @@ class AttitudeKalman:
         drift_mps, time_s = settings.drift_mps, settings.drift_time_s
         if state.resting:
             drift_mps, time_s = settings.sway_mps, settings.sway_time_s
-        elif state.unproven_s > 0.0:
+        elif state.pace_unknown_s > 0.0:
             drift_mps = settings.moving_start_speed_mps
-        state.unproven_s -= step.elapsed_s
+        state.pace_unknown_s -= step.elapsed_s
         kept = math.exp(-step.elapsed_s / time_s)
         c_yaw, s_yaw = kept * math.cos(step.yaw_rad), kept * math.sin(step.yaw_rad)
         F[DRIFT, DRIFT] = ((c_yaw, -s_yaw, 0.0), (s_yaw, c_yaw, 0.0), (0.0, 0.0, kept))
@@ -263,7 +263,7 @@ class AttitudeKalman:
         swing_W = vec3.minus(state.v_W, state.drift_W)
         if state.resting:
             variance = np.diag(_SWING_IS_ZERO @ state.covariance @ _SWING_IS_ZERO.T) + self._sway_density[3:] / dt_s
-            if max(map(abs, swing_W)) > _FAR * math.sqrt(variance.max()):
+            if max(map(abs, swing_W)) > _FAR_SIGMAS * math.sqrt(variance.max()):
                 state.rest, state.resting = Rest(), False  # a walk begins, before the rest detector knows
         if state.resting:
             innovation = np.array((*self.rate(state, state.rest.mean_w_B), *vec3.scaled(swing_W, -1.0)))

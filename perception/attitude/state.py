@@ -8,8 +8,8 @@ from messages import Quaternion, Reason, Vec3
 from messages.arrays import FloatArray
 from messages.constants import STANDARD_GRAVITY_MPS2
 from perception import so3, vec3
-from perception.attitude.habit import Habit, HabitSettings
 from perception.attitude.rest import Rest, RestSettings
+from perception.attitude.usual_mounting import UsualMounting, UsualMountingSettings
 from perception.so3 import Rows
 
 _NAN_QUATERNION: Quaternion = (math.nan, math.nan, math.nan, math.nan)
@@ -46,26 +46,26 @@ class AttitudeSettings:
     sway_time_s: float = 0.5
     sway_swing_mps_rts: float = 0.002
     sway_rate_radps_rts: float = math.radians(0.35)
-    # A walk begins this long, to twice this long, before it is noticed.
-    notice_s: float = 0.1
-    # A velocity that contradicts rest, or any walk, costs trust in the attitude.
+    # A walk begins this long, to twice this long, before it is detected.
+    detection_delay_s: float = 0.1
+    # A velocity that contradicts rest, or any walk, adds to the variance of the attitude.
     runaway_rad_rts: float = math.radians(0.5)
     # A start from rest, and in motion: from the mean specific force, at some pace, somewhere in its swing. For
-    # `unproven_s` the pace may change as much as it is unknown: the tilt does not yet tell a stop from a lean.
+    # `pace_unknown_s` the pace may change as much as it is unknown: the tilt does not yet tell a stop from a lean.
     rest_tilt_rad: float = math.radians(0.3)
     moving_start_tilt_rad: float = math.radians(15.0)
     moving_start_speed_mps: float = 1.2
     moving_start_swing_mps: float = 0.2
-    unproven_s: float = 5.0
+    pace_unknown_s: float = 5.0
     # Missing samples: a motion strays from the trapezoid by `unseen_*` × the missing time, a hip's swing also by its
-    # curvature / 12 × time³. Beyond `gap_s` the tilt is the wearer's habit, within `doubt_s` to be confirmed by samples
-    # that do not move it farther than `refuted_sigmas`.
+    # curvature / 12 × time³. Beyond `gap_s` the tilt is that of the usual mounting, to be confirmed within
+    # `confirm_within_s` by samples that do not move it farther than `refuted_sigmas`.
     unseen_w_radps: float = math.radians(10.0)
     unseen_swing_radps3: float = math.radians(250.0)
     unseen_sf_mps2: float = 3.0
     gap_s: float = 0.15
-    habit: HabitSettings = field(default_factory=HabitSettings)
-    doubt_s: float = 3.0
+    usual_mounting: UsualMountingSettings = field(default_factory=UsualMountingSettings)
+    confirm_within_s: float = 3.0
     refuted_sigmas: float = 1.5
     # A clipped sample falls short of the truth by about this much. All that were clipped for longer are as missing.
     longest_clipping_s: float = 0.05
@@ -75,7 +75,7 @@ class AttitudeSettings:
     usable_tilt_rad: float = math.radians(3.0)
 
     def __post_init__(self) -> None:
-        for settings in (self, self.rest, self.habit):
+        for settings in (self, self.rest, self.usual_mounting):
             for each in fields(settings):
                 value = getattr(settings, each.name)
                 if isinstance(value, float) and not 0.0 < value < math.inf:
@@ -110,7 +110,7 @@ class Step:
 class Levelling:
     """What happened since the first sample, S: rotation, and specific force integrated over time in S.
 
-    `before` is the state before that sample; habit took `assumed_up_S`, of length 1, for the vertical, with
+    `before` is the state before that sample; the usual mounting gave `assumed_up_S`, of length 1, as the vertical, with
     `assumed_var` on each axis.
     """
 
@@ -125,7 +125,7 @@ class Levelling:
 
 @dataclass
 class AttitudeState:
-    """All that the filter remembers; `covariance` is (24, 24), of the errors θ, b, v, u, a and M."""
+    """The whole state of the filter; `covariance` is (24, 24), of the errors θ, b, v, u, a and M."""
 
     covariance: FloatArray
     rest: Rest = field(default_factory=Rest)
@@ -136,16 +136,16 @@ class AttitudeState:
     gyro_matrix: Rows = (0.0,) * 9
     started: bool = False
     resting: bool = False
-    doubt: Reason = Reason.NOT_AT_REST  # why the tilt is uncertain, whenever it is
+    reason_uncertain: Reason = Reason.NOT_AT_REST  # why the tilt is uncertain, whenever it is
     q_WB: Quaternion = _NAN_QUATERNION
     v_W: Vec3 = vec3.ZERO
     drift_W: Vec3 = vec3.ZERO
     mean_square_swing: float = 0.0
-    unproven_s: float = 0.0  # so long the pace may still change freely
+    pace_unknown_s: float = 0.0  # so long the pace may still change freely
     w_measured: Vec3 = vec3.ZERO
     sf_measured: Vec3 = vec3.ZERO
     sf_W: Vec3 = vec3.ZERO
-    habit: Habit = field(default_factory=Habit)
+    usual_mounting: UsualMounting = field(default_factory=UsualMounting)
     step: Step = field(default_factory=Step)
     levelling: Levelling | None = None  # until the tilt is known from samples
     checkpoints: "list[Checkpoint]" = field(default_factory=list)

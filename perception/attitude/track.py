@@ -27,11 +27,11 @@ class AttitudeTrack:
         self._imu = calibration.imu
         self._calibration_id = calibration.id
         self._filter = AttitudeFilter(AttitudeSettings(), calibration.residual)
-        self._history = AttitudeHistory(length_s=_REMEMBERED_S)
+        self._history = AttitudeHistory(length_s=_HISTORY_S)
         self._longest_step_ns = round(1e9 * self._filter.settings.gap_s)
         self._before_start: deque[tuple[int, Vec3]] = deque(maxlen=_MOST_BEFORE_START)
         self._newest_ns: int | None = None
-        self._kept: deque[tuple[int, AttitudeState]] = deque(maxlen=2)
+        self._checkpoints: deque[tuple[int, AttitudeState]] = deque(maxlen=2)
         self._recent: deque[Sample] = deque(maxlen=_MOST_RECENT)
 
     @property
@@ -49,7 +49,7 @@ class AttitudeTrack:
         finite = all(map(math.isfinite, (*sample.sf_B_mps2, *sample.w_WB_B_radps)))
         return finite and (self._newest_ns is None or sample.t_sample_ns > self._newest_ns)
 
-    def feel(self, sample: ImuSample) -> Attitude:
+    def add_sample(self, sample: ImuSample) -> Attitude:
         """Take an acceptable sample and return the attitude at its time."""
         sf_B_mps2, w_B_radps = corrected(sample, self._imu)
         self._filter.update(sample.t_sample_ns, sf_B_mps2, w_B_radps, clipped=sample.clipped)
@@ -58,9 +58,9 @@ class AttitudeTrack:
         state, rotation_cov_W = self._filter, self._filter.rotation_cov_W
         if state.status is Status.VALID:
             if self._before_start:
-                self._look_back(sample.t_sample_ns, rotation_cov_W)
+                self._add_attitudes_before_start(sample.t_sample_ns, rotation_cov_W)
             self._history.append(
-                AttitudeAt(sample.t_sample_ns, state.q_WB, state.w_WB_B, state.bob_mps, rotation_cov_W)
+                AttitudeAt(sample.t_sample_ns, state.q_WB, state.w_WB_B, state.vertical_swing_mps, rotation_cov_W)
             )
         else:
             # a new start has a new yaw: nothing of the track before it may be mixed with what follows
@@ -70,35 +70,35 @@ class AttitudeTrack:
             self._before_start.append((sample.t_sample_ns, w_B_radps))
         return self._message(sample.t_sample_ns, rotation_cov_W)
 
-    def keep(self) -> None:
-        """Remember how things are, every `_KEPT_EVERY_S`: nothing has contradicted them yet."""
+    def checkpoint(self) -> None:
+        """Save the state of the filter, every `_CHECKPOINT_EVERY_S`, while nothing contradicts it."""
         if self._newest_ns is None or self._filter.status is not Status.VALID:
             return
-        if not self._kept or self._newest_ns - self._kept[-1][0] >= 1e9 * _KEPT_EVERY_S:
-            self._kept.append((self._newest_ns, self._filter.save()))
+        if not self._checkpoints or self._newest_ns - self._checkpoints[-1][0] >= 1e9 * _CHECKPOINT_EVERY_S:
+            self._checkpoints.append((self._newest_ns, self._filter.save()))
 
-    def forget(self, *, turns_hold: bool = False) -> None:
-        """Start afresh: what was felt of late contradicts what is now known.
+    def roll_back(self, *, gyro_agrees: bool = False) -> None:
+        """Go back to the last checkpoint but one: the newest samples contradict the camera.
 
-        Of the time since the last state but one that was kept nothing is left, as if samples had been missing since;
-        without one, only the calibration is left. The status is not VALID until the filter has started again. If the
-        turns felt since hold, they carry the vertical of that state to the newest sample.
+        It is as if all samples since had been missing; without a checkpoint only the calibration is left. The status is
+        not VALID until the filter has started again. If the gyroscope agrees with the camera, its samples since carry
+        the vertical of that checkpoint to the newest sample.
         """
         self._history.clear()
         self._before_start.clear()
-        if not self._kept:
-            self._filter.forget()
+        if not self._checkpoints:
+            self._filter.reset()
             return
-        kept_ns, state = self._kept[0]
+        checkpoint_ns, state = self._checkpoints[0]
         self._filter.restore(state)
-        if turns_hold and self._recent[0].t_ns <= kept_ns:
-            since = [sample for sample in self._recent if sample.t_ns > kept_ns]
-            if since and self._is_whole(kept_ns, since):
-                self._filter.turn(since)
+        if gyro_agrees and self._recent[0].t_ns <= checkpoint_ns:
+            since = [sample for sample in self._recent if sample.t_ns > checkpoint_ns]
+            if since and self._is_whole(checkpoint_ns, since):
+                self._filter.carry_by_gyro(since)
 
-    def _is_whole(self, kept_ns: int, since: Sequence[Sample]) -> bool:
+    def _is_whole(self, checkpoint_ns: int, since: Sequence[Sample]) -> bool:
         """Return whether no sample is clipped and none is missing for long."""
-        times_ns = [kept_ns, *(sample.t_ns for sample in since)]
+        times_ns = [checkpoint_ns, *(sample.t_ns for sample in since)]
         together = all(after - before <= self._longest_step_ns for before, after in pairwise(times_ns))
         return together and not any(sample.clipped for sample in since)
 
@@ -109,7 +109,7 @@ class AttitudeTrack:
         except OutsideHistoryError:
             return None
 
-    def _look_back(self, t_ns: int, rotation_cov_W: FloatArray) -> None:
+    def _add_attitudes_before_start(self, t_ns: int, rotation_cov_W: FloatArray) -> None:
         """Integrate backwards from the first attitude, R(t − dt) = R(t) exp(−w dt), and put the result in order."""
         q_WB, bias = self._filter.q_WB, self._filter.gyro_bias
         past: list[AttitudeAt] = []
@@ -123,14 +123,14 @@ class AttitudeTrack:
             self._history.append(attitude)
         self._before_start.clear()
 
-    def unfelt(self, t_ns: int, reason: Reason = Reason.NO_IMU) -> Attitude:
+    def invalid_at(self, t_ns: int, reason: Reason = Reason.NO_IMU) -> Attitude:
         """Return the attitude that says only why there is none at `t_ns`."""
         return Attitude.invalid(t_sample_ns=t_ns, reason=reason, calibration_id=self._calibration_id)
 
     def _message(self, t_sample_ns: int, rotation_cov_W: FloatArray) -> Attitude:
         reason = self._filter.reason
         if reason is not Reason.NONE:
-            return self.unfelt(t_sample_ns, reason)
+            return self.invalid_at(t_sample_ns, reason)
         return Attitude(
             t_sample_ns=t_sample_ns,
             status=Status.VALID,
@@ -144,6 +144,6 @@ class AttitudeTrack:
 
 
 _MOST_BEFORE_START = 1024
-_REMEMBERED_S = 2.0
-_KEPT_EVERY_S = 2.0
+_HISTORY_S = 2.0
+_CHECKPOINT_EVERY_S = 2.0
 _MOST_RECENT = 1024

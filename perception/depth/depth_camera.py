@@ -30,7 +30,7 @@ class DepthCamera:
         rows = np.arange(lens.height_px) - (lens.height_px - 1) / 2
         self._row_time_s: FloatArray = np.broadcast_to(rows[:, None] * depth.row_time_s, self._rays_C.shape[:2])
 
-    def look(self, images: Sequence[Image], points_C: FloatArray) -> DisparityPatch | None:
+    def find_disparities(self, images: Sequence[Image], points_C: FloatArray) -> DisparityPatch | None:
         """Return the patch that shows `points_C` (see DisparityCamera)."""
         lens = self._lens
         K, distortion = intrinsics(lens), np.array(lens.distortion)

@@ -66,7 +66,7 @@ class DisparityCamera(Protocol):
     def scale_residual(self) -> float:
         """Return what is uncertain of the scale of depth, relatively."""
 
-    def look(self, images: Sequence[Image], points_C: FloatArray) -> DisparityPatch | None:
+    def find_disparities(self, images: Sequence[Image], points_C: FloatArray) -> DisparityPatch | None:
         """Return the smallest patch that shows `points_C` (N, 3), or None if the last of them is not in view.
 
         All points lie before the camera; the patch is cut at the image's border. Raises OutOfRangeError where the

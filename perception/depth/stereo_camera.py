@@ -26,7 +26,7 @@ class StereoCamera:
         self.baseline_m = self.rectifier.baseline_m
         self.R_EC: FloatArray = self.rectifier.R_LC
 
-    def look(self, images: Sequence[Image], points_C: FloatArray) -> DisparityPatch | None:
+    def find_disparities(self, images: Sequence[Image], points_C: FloatArray) -> DisparityPatch | None:
         """Return the patch of the rectified left image that shows `points_C` (see DisparityCamera)."""
         view = view_of(points_C, self.rectifier)
         if view is None:

@@ -41,7 +41,7 @@ class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True):
             np.abs(points_H[..., 1]) < self.half_width_m
         )
 
-    def emphasis(self, points_H: FloatArray) -> FloatArray:
+    def weights(self, points_H: FloatArray) -> FloatArray:
         """Return a weight in (0, 1] for points (..., 3) in H: the middle of the region counts most.
 
         On stairs and kerbs this makes the tread under the foot win over its neighbours.

@@ -60,14 +60,14 @@ class GroundMeter:
         the camera and `height_rate_mps` lifts it off the ground.
         `expected` is the plane as predicted from earlier frames.
         """
-        foreseen = expected or Plane((0.0, 0.0), region.nominal_height_m)
+        predicted = expected or Plane((0.0, 0.0), region.nominal_height_m)
         margin_m = region.height_margin_m if expected is None else region.step_m
-        corners_H = region.footprint(foreseen, margin_m)
+        corners_H = region.footprint(predicted, margin_m)
         points_C = np.vstack((corners_H, corners_H.mean(axis=0))) @ R_HC
         if points_C[:, 2].min() < _LEAST_DEPTH_M:
             return GroundMeasurement(Reason.FOOTHOLD_OUT_OF_VIEW, 0.0)
         try:
-            patch = self.camera.look(images, points_C)
+            patch = self.camera.find_disparities(images, points_C)
         except OutOfRangeError:
             return GroundMeasurement(Reason.OUT_OF_RANGE, 0.0)
         if patch is None:
@@ -76,19 +76,19 @@ class GroundMeter:
         rays_C, disparity_px, row_time_s = patch.rays_C, patch.disparity_px, patch.row_time_s[..., None]
         # R_HC(t + τ) r ≈ R_HC (r + τ ω × r), and by (1) h(t + τ) = h + τ ḣ divides what a ray sees
         rays_H = (rays_C + row_time_s * np.cross(w_HC_C_radps, rays_C)) @ R_HC.T
-        rays_H /= 1.0 + row_time_s * (height_rate_mps / foreseen.height_m)
+        rays_H /= 1.0 + row_time_s * (height_rate_mps / predicted.height_m)
 
         fB_px_m = self._fitter.fB_px_m
-        foreseen_px = np.maximum(rays_H @ foreseen.theta(fB_px_m), _LEAST_DISPARITY_PX)
-        on_foreseen = region.contains(rays_H * (fB_px_m / foreseen_px)[..., None])
-        matched_share = float(np.isfinite(disparity_px[on_foreseen]).mean()) if on_foreseen.any() else 0.0
+        predicted_px = np.maximum(rays_H @ predicted.theta(fB_px_m), _LEAST_DISPARITY_PX)
+        on_predicted = region.contains(rays_H * (fB_px_m / predicted_px)[..., None])
+        matched_share = float(np.isfinite(disparity_px[on_predicted]).mean()) if on_predicted.any() else 0.0
         points_H = rays_H * (fB_px_m / disparity_px)[..., None]
-        inside = region.contains(points_H) & (np.abs(foreseen.rise_m(points_H)) < margin_m)
+        inside = region.contains(points_H) & (np.abs(predicted.rise_m(points_H)) < margin_m)
         if matched_share < self.least_matched_share or np.count_nonzero(inside) < _LEAST_PIXELS:
             return GroundMeasurement(Reason.LOW_TEXTURE, matched_share)
 
         rays_H, disparity_px, points_H = rays_H[inside], disparity_px[inside], points_H[inside]
-        fit = self._fitter.fit(rays_H, disparity_px, region.emphasis(points_H), stride=stride, expected=expected)
+        fit = self._fitter.fit(rays_H, disparity_px, region.weights(points_H), stride=stride, expected=expected)
         if fit is None or fit.noise_px >= self._fitter.most_noise_px or fit.inlier_share < self.least_inlier_share:
             return GroundMeasurement(Reason.NOT_PLANAR, matched_share)
         if fit.plane.steepness_rad > self._fitter.steepest_rad:

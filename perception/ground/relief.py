@@ -12,7 +12,7 @@ def relief_cov(fit: PlaneFit, points_H: FloatArray, misfit_px: FloatArray, regio
 
     `points_H` (N, 3) are the points given to the fit, `misfit_px` (N,) their disparities minus the plane's.
     """
-    weight = region.emphasis(points_H)
+    weight = region.weights(points_H)
     inlier = np.abs(misfit_px) < 3.0 * fit.noise_px
     rise_m = fit.plane.rise_m(points_H)
     cov = _crease(points_H[inlier, 0], rise_m[inlier], weight[inlier], region)

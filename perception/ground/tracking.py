@@ -4,7 +4,7 @@ The gradient of the ground in W does not change while the wearer walks on it, so
 process noise averages the frames; the height follows the hip and is re-measured by each frame. A frame that
 contradicts the track (an edge: kerb, stair, foot of a ramp) starts a new one once the next frame confirms it: a chance
 match of a picture that shows nothing does not come twice. The attitude's error is common to all
-frames of a track until the attitude learns: a Kalman filter that goes from covariance P to P' corrects itself by
+frames of a track until the attitude is corrected: a Kalman filter that goes from covariance P to P' corrects itself by
 N(0, P − P'), and the track has it still.
 """
 

@@ -1,4 +1,4 @@
-"""One stretch of motion as the camera saw it beside what the IMU felt meanwhile: how far they are apart, and why.
+"""One stretch of motion as the camera saw it beside what the IMU measured meanwhile: how far they are apart, and why.
 
 With ω, v the mean rates of the steps from t to t + Δt that the camera saw, turned into B, and R_SB the attitude that
 their rotations make of the first step's B (= S):
@@ -8,7 +8,7 @@ their rotations make of the first step's B (= S):
 
 Lag l, bias b, initial velocity u and gravity g (a free vector) are those of least squares; what is left is the misfit
 e. The gain of an axis of the accelerometer is by how much its share of P must be multiplied for the least e.
-Neither (1) nor (2) asks the attitude filter, and (2) does not ask the gyroscope: what is judged bears no witness.
+Neither (1) nor (2) asks the attitude filter, and (2) does not ask the gyroscope: what is judged is not used to judge.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from perception.so3 import matrices_from_rotvecs
 
 
 @dataclass(frozen=True)
-class Seen:
+class CameraMotion:
     """n steps, one after the other, of B as the camera saw it.
 
     `from_s`, `to_s` (n,) on the IMU's clock; `w_B_radps` and `v_C_B_mps` (n, 3) are the angular rate and the velocity
@@ -35,7 +35,7 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class Felt:
+class ImuMotion:
     """m calibrated samples of the IMU: times (m,), specific force and angular rate (m, 3) in B."""
 
     t_s: FloatArray
@@ -45,7 +45,7 @@ class Felt:
 
 @dataclass(frozen=True)
 class Lag:
-    """How much later than its stamp the IMU feels what the camera sees, and the standard deviation of that."""
+    """How much later than its stamp the IMU measures what the camera sees, and the standard deviation of that."""
 
     lag_s: float
     deviation_s: float
@@ -82,14 +82,14 @@ class VelocityMisfit:
     gravity_mps2: float
 
 
-def lag_of(seen: Seen, felt: Felt, longest_s: float, grid_s: float) -> Lag:
+def lag_of(camera: CameraMotion, imu: ImuMotion, longest_s: float, grid_s: float) -> Lag:
     """Return l of (1): the best of a grid over ± `longest_s`, and the parabola through it and its neighbours.
 
-    `felt` must reach `longest_s` farther than `seen` on both sides. Infinite deviation where nothing moves.
+    `imu` must reach `longest_s` farther than `camera` on both sides. Infinite deviation where nothing moves.
     """
     steps = round(longest_s / grid_s)
     lags_s: FloatArray = grid_s * np.arange(-steps, steps + 1, dtype=np.float64)
-    error = seen.w_B_radps - _mean_rates(seen, felt, lags_s[:, None])
+    error = camera.w_B_radps - _mean_rates(camera, imu, lags_s[:, None])
     error -= error.mean(axis=1, keepdims=True)
     cost = (error**2).sum(axis=(1, 2))
     best = min(max(int(np.argmin(cost)), 1), 2 * steps - 1)
@@ -98,62 +98,62 @@ def lag_of(seen: Seen, felt: Felt, longest_s: float, grid_s: float) -> Lag:
     if curvature <= 0.0:
         return Lag(0.0, np.inf)
     lag_s = lags_s[best] - (after - before) / (2.0 * grid_s * curvature)
-    freedom = 3 * len(seen.from_s) - 4
+    freedom = 3 * len(camera.from_s) - 4
     return Lag(float(np.clip(lag_s, -longest_s, longest_s)), float(np.sqrt(2.0 * least / freedom / curvature)))
 
 
-def rate_misfit(seen: Seen, felt: Felt, lag_s: float) -> RateMisfit:
+def rate_misfit(camera: CameraMotion, imu: ImuMotion, lag_s: float) -> RateMisfit:
     """Return how (1) holds."""
-    felt_radps = _mean_rates(seen, felt, np.array([[lag_s]]))[0]
-    error = felt_radps - seen.w_B_radps
+    imu_radps = _mean_rates(camera, imu, np.array([[lag_s]]))[0]
+    error = imu_radps - camera.w_B_radps
     bias = error.mean(axis=0)
-    swing = np.maximum(column_rms(_centred(felt_radps)), column_rms(_centred(seen.w_B_radps)))
-    return RateMisfit(swing, column_rms(error - bias), bias, *_mount(error - bias, _centred(seen.w_B_radps)))
+    swing = np.maximum(column_rms(_centred(imu_radps)), column_rms(_centred(camera.w_B_radps)))
+    return RateMisfit(swing, column_rms(error - bias), bias, *_mount(error - bias, _centred(camera.w_B_radps)))
 
 
-def _mount(error: FloatArray, seen_radps: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _mount(error: FloatArray, camera_radps: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return δ (3,) of e = δ × ω by least squares over (n, 3) rates about their mean, and its standard deviation."""
-    information = (seen_radps**2).sum() * np.eye(3) - seen_radps.T @ seen_radps
+    information = (camera_radps**2).sum() * np.eye(3) - camera_radps.T @ camera_radps
     values, vectors = np.linalg.eigh(information)
     inverse = (vectors / np.maximum(values, _TINY)) @ vectors.T
-    mount = inverse @ np.cross(seen_radps, error).sum(axis=0)
-    left = error - np.cross(mount, seen_radps)
+    mount = inverse @ np.cross(camera_radps, error).sum(axis=0)
+    left = error - np.cross(mount, camera_radps)
     variance = (left**2).sum() / (left.size - 6)
     return mount, np.sqrt(variance * np.diag(inverse))
 
 
-def velocity_misfit(seen: Seen, felt: Felt, lag_s: float) -> VelocityMisfit:
+def velocity_misfit(camera: CameraMotion, imu: ImuMotion, lag_s: float) -> VelocityMisfit:
     """Return how (2) holds."""
-    durations_s = (seen.to_s - seen.from_s)[:, None]
-    R_SB = _chained(seen)
-    R_after = R_SB @ matrices_from_rotvecs(seen.w_B_radps * durations_s)
-    seen_S = np.einsum("nij,nj->ni", R_SB, seen.v_C_B_mps) - (R_after - R_SB) @ seen.p_BC_m / durations_s
+    durations_s = (camera.to_s - camera.from_s)[:, None]
+    R_SB = _chained(camera)
+    R_after = R_SB @ matrices_from_rotvecs(camera.w_B_radps * durations_s)
+    camera_S = np.einsum("nij,nj->ni", R_SB, camera.v_C_B_mps) - (R_after - R_SB) @ camera.p_BC_m / durations_s
 
-    lagged_s = felt.t_s - lag_s
-    first, last = np.searchsorted(lagged_s, (seen.from_s[0], seen.to_s[-1])).tolist()
-    t_s, sf_B = lagged_s[max(0, first - 1) : last + 1], felt.sf_B_mps2[max(0, first - 1) : last + 1]
-    step = np.clip(np.searchsorted(seen.from_s, t_s, side="right") - 1, 0, len(R_SB) - 1)
-    R_SB_then = R_SB[step] @ matrices_from_rotvecs((t_s - seen.from_s[step])[:, None] * seen.w_B_radps[step])
+    lagged_s = imu.t_s - lag_s
+    first, last = np.searchsorted(lagged_s, (camera.from_s[0], camera.to_s[-1])).tolist()
+    t_s, sf_B = lagged_s[max(0, first - 1) : last + 1], imu.sf_B_mps2[max(0, first - 1) : last + 1]
+    step = np.clip(np.searchsorted(camera.from_s, t_s, side="right") - 1, 0, len(R_SB) - 1)
+    R_SB_then = R_SB[step] @ matrices_from_rotvecs((t_s - camera.from_s[step])[:, None] * camera.w_B_radps[step])
     by_axis_S = (R_SB_then * sf_B[:, None, :]).reshape(-1, 9)  # what each axis of the accelerometer adds, in S
     travel_S = integral(t_s, integral(t_s, by_axis_S))
-    travelled_S = interpolated(seen.to_s, t_s, travel_S) - interpolated(seen.from_s, t_s, travel_S)
-    felt_S = (travelled_S / durations_s).reshape(-1, 3, 3)
+    travelled_S = interpolated(camera.to_s, t_s, travel_S) - interpolated(camera.from_s, t_s, travel_S)
+    imu_S = (travelled_S / durations_s).reshape(-1, 3, 3)
 
-    middle_s = 0.5 * (seen.from_s + seen.to_s)
+    middle_s = 0.5 * (camera.from_s + camera.to_s)
     line = np.column_stack((np.ones(len(middle_s)), middle_s - middle_s.mean()))
     fit = np.linalg.pinv(line)
     off_line = np.eye(len(line)) - line @ fit
-    error_S = seen_S - felt_S.sum(axis=2)
-    swings_S = np.stack((off_line @ seen_S, off_line @ felt_S.sum(axis=2), off_line @ error_S))
-    seen_rms, felt_rms, misfit = np.sqrt((np.einsum("nij,kni->knj", R_SB, swings_S) ** 2).mean(axis=1))
+    error_S = camera_S - imu_S.sum(axis=2)
+    swings_S = np.stack((off_line @ camera_S, off_line @ imu_S.sum(axis=2), off_line @ error_S))
+    camera_rms, imu_rms, misfit = np.sqrt((np.einsum("nij,kni->knj", R_SB, swings_S) ** 2).mean(axis=1))
 
-    axes = np.einsum("nm,mij->nij", off_line, felt_S).reshape(-1, 3)
+    axes = np.einsum("nm,mij->nij", off_line, imu_S).reshape(-1, 3)
     square = (axes**2).sum(axis=0) + _TINY
     left = swings_S[2].reshape(-1)
     gain = 1.0 + axes.T @ left / square
     deviation = np.sqrt(left @ left / (len(left) - 9) / square)
     return VelocityMisfit(
-        swing_mps=np.maximum(seen_rms, felt_rms),
+        swing_mps=np.maximum(camera_rms, imu_rms),
         misfit_mps=misfit,
         gain=gain,
         gain_deviation=deviation,
@@ -162,19 +162,19 @@ def velocity_misfit(seen: Seen, felt: Felt, lag_s: float) -> VelocityMisfit:
     )
 
 
-def _mean_rates(seen: Seen, felt: Felt, lags_s: FloatArray) -> FloatArray:
-    """Return the mean rates (lags, n, 3) felt during the steps, moved by `lags_s` (lags, 1)."""
-    angle = integral(felt.t_s, felt.w_B_radps)
-    turned = interpolated(seen.to_s + lags_s, felt.t_s, angle) - interpolated(seen.from_s + lags_s, felt.t_s, angle)
-    rates: FloatArray = turned / (seen.to_s - seen.from_s)[:, None]
+def _mean_rates(camera: CameraMotion, imu: ImuMotion, lags_s: FloatArray) -> FloatArray:
+    """Return the mean rates (lags, n, 3) measured during the steps, moved by `lags_s` (lags, 1)."""
+    angle = integral(imu.t_s, imu.w_B_radps)
+    turned = interpolated(camera.to_s + lags_s, imu.t_s, angle) - interpolated(camera.from_s + lags_s, imu.t_s, angle)
+    rates: FloatArray = turned / (camera.to_s - camera.from_s)[:, None]
     return rates
 
 
-def _chained(seen: Seen) -> FloatArray:
+def _chained(camera: CameraMotion) -> FloatArray:
     """Return R_SB (n, 3, 3) at the beginning of each step; the steps may meet a few milliseconds apart."""
-    R_SB = np.empty((len(seen.from_s), 3, 3))
+    R_SB = np.empty((len(camera.from_s), 3, 3))
     R_SB[0] = np.eye(3)
-    turns = matrices_from_rotvecs(np.diff(seen.from_s)[:, None] * seen.w_B_radps[:-1])
+    turns = matrices_from_rotvecs(np.diff(camera.from_s)[:, None] * camera.w_B_radps[:-1])
     for k in range(len(turns)):
         R_SB[k + 1] = R_SB[k] @ turns[k]
     return R_SB

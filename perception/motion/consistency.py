@@ -1,4 +1,4 @@
-"""Does the IMU feel the motion that the camera sees? Judged over the last second, whenever there is motion enough."""
+"""Does the IMU measure the motion that the camera sees? Judged over the last second, if there was motion enough."""
 
 import enum
 import math
@@ -12,7 +12,15 @@ import numpy as np
 from messages import Calibration, Reason, Vec3
 from messages.arrays import FloatArray
 from messages.constants import STANDARD_GRAVITY_MPS2
-from perception.motion.comparison import Felt, Seen, integral, interpolated, lag_of, rate_misfit, velocity_misfit
+from perception.motion.comparison import (
+    CameraMotion,
+    ImuMotion,
+    integral,
+    interpolated,
+    lag_of,
+    rate_misfit,
+    velocity_misfit,
+)
 from perception.motion.ego_motion import EgoMotion
 from perception.motion.turn_balance import Turn, TurnBalance
 
@@ -24,14 +32,14 @@ class ConsistencySettings:
     A misfit is a contradiction beyond √(`noise`² + (`share` · swing)²), and agreement below `agreeing` of that: a
     changed sign doubles the swing. An axis of the accelerometer whose motion is small beside the others' is judged by
     its gain, which the change of sign takes from 1 to −1; `most_gain_error` is half way. No agreement follows from less
-    swing than `least_*_swing`, unless the gain is known. Once the IMU has turned by `most_unwatched_rad`, to and fro,
-    without a picture that shows motion, nobody knows what became of it meanwhile.
+    swing than `least_*_swing`, unless the gain is known. Once the IMU has turned by `most_unobserved_rad`, to and fro,
+    without a picture that shows motion, it is unknown whether it still agrees.
     """
 
     window_s: float = 1.0
     recent_s: float = 0.3
     least_steps: int = 9
-    most_unwatched_rad: float = 0.8
+    most_unobserved_rad: float = 0.8
     longest_lag_s: float = 0.1
     lag_grid_s: float = 0.01
     most_lag_s: float = 0.012
@@ -87,34 +95,34 @@ class ConsistencyMonitor:
         self._imu = _ImuRecord(self.settings.window_s + 4.0 * self.settings.longest_lag_s)
         self._R_BC: FloatArray = np.array(calibration.X_BL.R) @ R_LC
         self._p_BC_m = np.array(calibration.X_BL.p_m)
-        self._most_gravity_error_mps2 = self.settings.most_gravity_error_mps2 + _FAR * (
+        self._most_gravity_error_mps2 = self.settings.most_gravity_error_mps2 + _FAR_SIGMAS * (
             calibration.residual.specific_force_mps2 + calibration.residual.scale * self.settings.gravity_mps2
         )
-        self._most_lag_s = self.settings.most_lag_s + _FAR * calibration.residual.time_s
+        self._most_lag_s = self.settings.most_lag_s + _FAR_SIGMAS * calibration.residual.time_s
         self._steps: deque[EgoMotion] = deque()
         self._turns = TurnBalance()
-        self._questions = {subject: _Question(self.settings.confirmations) for subject in (Subject.TIME, *_OF_IMU)}
-        self._agrees_of_late = True
-        self._restart_owed = False
-        self._felt_ns: int | None = None
-        self._unwatched_rad: float | None = None  # from the first picture on
+        self._held = {subject: _HeldVerdict(self.settings.confirmations) for subject in (Subject.TIME, *_OF_IMU)}
+        self._agreed_recently = True
+        self._restart_due = False
+        self._newest_sample_ns: int | None = None
+        self._unobserved_rad: float | None = None  # from the first picture on
 
     @property
     def verdicts(self) -> dict[Subject, Verdict]:
         """Return what is known of each subject."""
         turn = Verdict.INCONSISTENT if self._turns.contradicted else Verdict.UNKNOWN
-        return {Subject.TURN: turn, **{subject: question.verdict for subject, question in self._questions.items()}}
+        return {Subject.TURN: turn, **{subject: held.verdict for subject, held in self._held.items()}}
 
     @property
     def reason(self) -> Reason:
         """Return TIME_INCONSISTENT or IMU_INCONSISTENT while something contradicts, else NONE."""
-        if self._questions[Subject.TIME].verdict is Verdict.INCONSISTENT:
+        if self._held[Subject.TIME].verdict is Verdict.INCONSISTENT:
             return Reason.TIME_INCONSISTENT
         contradicted = self._turns.contradicted or self._imu_contradicts
         return Reason.IMU_INCONSISTENT if contradicted else Reason.NONE
 
     @property
-    def turns_hold(self) -> bool:
+    def gyro_agrees(self) -> bool:
         """Return whether the gyroscope is known to agree with the camera, whatever the accelerometer does."""
         verdicts = self.verdicts
         turning = all(
@@ -124,23 +132,23 @@ class ConsistencyMonitor:
 
     @property
     def _imu_contradicts(self) -> bool:
-        return any(self._questions[subject].verdict is Verdict.INCONSISTENT for subject in _OF_IMU)
+        return any(self._held[subject].verdict is Verdict.INCONSISTENT for subject in _OF_IMU)
 
-    def feel(self, t_ns: int, sf_B_mps2: Vec3, w_B_radps: Vec3) -> None:
+    def add_sample(self, t_ns: int, sf_B_mps2: Vec3, w_B_radps: Vec3) -> None:
         """Take one calibrated sample, later than the one before it; clipped ones are better left out."""
         self._imu.append(t_ns, sf_B_mps2, w_B_radps)
-        if self._unwatched_rad is not None and self._felt_ns is not None:
-            self._unwatched_rad += 1e-9 * (t_ns - self._felt_ns) * math.hypot(*w_B_radps)
-        self._felt_ns = t_ns
+        if self._unobserved_rad is not None and self._newest_sample_ns is not None:
+            self._unobserved_rad += 1e-9 * (t_ns - self._newest_sample_ns) * math.hypot(*w_B_radps)
+        self._newest_sample_ns = t_ns
 
-    def see(self, motion: EgoMotion | None, newest: EgoMotion | None) -> bool:
+    def add_motion(self, motion: EgoMotion | None, newest: EgoMotion | None) -> bool:
         """Take what one frame told of the motion, None for nothing: of the step before last, and a guess at the last.
 
-        Judges the turns at once. Returns whether what was estimated from the IMU until now should be forgotten: it
-        begins to agree again, as in `judge`, or it moved unwatched.
+        Judges the turns at once. Returns whether what was estimated from the IMU until now should be discarded: it
+        begins to agree again, as in `update_verdicts`, or it moved unobserved.
         """
         settings = self.settings
-        unwatched = False
+        unobserved = False
         if motion is None or (self._steps and not self._follows(motion)):
             self._steps.clear()
             self._turns.interrupt()
@@ -155,62 +163,62 @@ class ConsistencyMonitor:
             if turn is None:
                 self._turns.interrupt()
             else:
-                restart = self._turns.take(turn)
-                unwatched = (self._unwatched_rad or 0.0) > settings.most_unwatched_rad
-                self._unwatched_rad = 0.0
-        if restart or unwatched:
-            self._restart_owed, self._agrees_of_late = False, True
+                restart = self._turns.add(turn)
+                unobserved = (self._unobserved_rad or 0.0) > settings.most_unobserved_rad
+                self._unobserved_rad = 0.0
+        if restart or unobserved:
+            self._restart_due, self._agreed_recently = False, True
         guess = None if newest is None else self._turn(newest)
         if guess is not None:
-            self._turns.guess(guess)
-        return restart or unwatched
+            self._turns.add_provisional(guess)
+        return restart or unobserved
 
-    def judge(self) -> bool:
+    def update_verdicts(self) -> bool:
         """Bring the verdicts on the last second up to date.
 
         Returns whether the IMU begins to agree again after a contradiction: what was estimated from it until now should
-        then be forgotten. That is soon after the fact, and before the verdict, which needs a whole window.
+        then be discarded. That is soon after the fact, and before the verdict, which needs a whole window.
         """
         settings = self.settings
         # those at the end must wait until the lag can be looked for there
         known = [s for s in self._steps if self._imu.newest_s(s.t_after_ns) >= settings.longest_lag_s]
         if len(known) < settings.least_steps or known[-1].t_after_ns - known[0].t_before_ns < 1e9 * settings.window_s:
             return False
-        return self._judge(known)
+        return self._update_verdicts_on(known)
 
     def _turn(self, motion: EgoMotion) -> Turn | None:
         """Return the turns of one step, or None where samples are missing."""
-        felt_rad = self._imu.turn(motion.t_before_ns, motion.t_after_ns, self.settings.longest_gap_s)
-        if felt_rad is None:
+        imu_rad = self._imu.turn(motion.t_before_ns, motion.t_after_ns, self.settings.longest_gap_s)
+        if imu_rad is None:
             return None
         duration_s = 1e-9 * (motion.t_after_ns - motion.t_before_ns)
-        return Turn(duration_s, felt_rad, self._R_BC @ motion.w_C_radps * duration_s)
+        return Turn(duration_s, imu_rad, self._R_BC @ motion.w_C_radps * duration_s)
 
     def _follows(self, motion: EgoMotion) -> bool:
         return abs(motion.t_before_ns - self._steps[-1].t_after_ns) < 1e9 * _MOST_APART_S
 
-    def _judge(self, steps: list[EgoMotion]) -> bool:
-        seen = self._seen(steps, self.settings.window_s)
-        felt = self._imu.around(steps[0].t_before_ns, seen, self.settings.longest_lag_s)
-        if felt is None or np.diff(felt.t_s).max() > self.settings.longest_gap_s:
+    def _update_verdicts_on(self, steps: list[EgoMotion]) -> bool:
+        camera = self._camera_motion(steps, self.settings.window_s)
+        imu = self._imu.around(steps[0].t_before_ns, camera, self.settings.longest_lag_s)
+        if imu is None or np.diff(imu.t_s).max() > self.settings.longest_gap_s:
             return False
         contradicted = self._imu_contradicts
-        for subject, answer in self._compared(seen, felt).items():
-            self._questions[subject].take(answer, self.settings.agreeing)
+        for subject, result in self._compared(camera, imu).items():
+            self._held[subject].update(result, self.settings.agreeing)
         if not self._imu_contradicts:
-            restart, self._restart_owed, self._agrees_of_late = self._restart_owed, False, True
+            restart, self._restart_due, self._agreed_recently = self._restart_due, False, True
             return restart
-        answers = self._compared(self._seen(steps, self.settings.recent_s), felt)
-        agrees = all(answers[subject].ratio < 1.0 for subject in _OF_IMU)
-        restart, self._agrees_of_late = agrees and not self._agrees_of_late, agrees
-        self._restart_owed = not restart and (self._restart_owed or not agrees or not contradicted)
+        results = self._compared(self._camera_motion(steps, self.settings.recent_s), imu)
+        agrees = all(results[subject].ratio < 1.0 for subject in _OF_IMU)
+        restart, self._agreed_recently = agrees and not self._agreed_recently, agrees
+        self._restart_due = not restart and (self._restart_due or not agrees or not contradicted)
         return restart
 
-    def _seen(self, steps: list[EgoMotion], length_s: float) -> Seen:
+    def _camera_motion(self, steps: list[EgoMotion], length_s: float) -> CameraMotion:
         """Return the last `length_s` of `steps`, times counted from the first of all."""
         epoch_ns, last_ns = steps[0].t_before_ns, steps[-1].t_after_ns
         recent = [s for s in steps if last_ns - s.t_before_ns <= 1e9 * (length_s + _MOST_APART_S)]
-        return Seen(
+        return CameraMotion(
             from_s=1e-9 * np.array([s.t_before_ns - epoch_ns for s in recent]),
             to_s=1e-9 * np.array([s.t_after_ns - epoch_ns for s in recent]),
             w_B_radps=np.array([s.w_C_radps for s in recent]) @ self._R_BC.T,
@@ -218,13 +226,13 @@ class ConsistencyMonitor:
             p_BC_m=self._p_BC_m,
         )
 
-    def _compared(self, seen: Seen, felt: Felt) -> "dict[Subject, _Answer]":
+    def _compared(self, camera: CameraMotion, imu: ImuMotion) -> "dict[Subject, _WindowResult]":
         """Return what one window says about each subject."""
         s = self.settings
-        lag = lag_of(seen, felt, s.longest_lag_s, s.lag_grid_s)
+        lag = lag_of(camera, imu, s.longest_lag_s, s.lag_grid_s)
         timed = lag.deviation_s < s.most_lag_deviation_s
-        rates = rate_misfit(seen, felt, lag.lag_s if timed else 0.0)
-        velocities = velocity_misfit(seen, felt, lag.lag_s if timed else 0.0)
+        rates = rate_misfit(camera, imu, lag.lag_s if timed else 0.0)
+        velocities = velocity_misfit(camera, imu, lag.lag_s if timed else 0.0)
         turning = rates.swing_radps > s.least_rate_swing_radps
         gyro = np.maximum(
             rates.misfit_radps / np.hypot(s.rate_noise_radps, s.rate_share * rates.swing_radps),
@@ -238,20 +246,20 @@ class ConsistencyMonitor:
             velocities.misfit_mps / np.hypot(s.velocity_noise_mps, s.velocity_share * velocities.swing_mps),
             np.where(gains_known, np.abs(velocities.gain - 1.0) / s.most_gain_error, 0.0),
         )
-        mount_rad = np.abs(rates.mount_rad) - _FAR * rates.mount_deviation_rad
+        mount_rad = np.abs(rates.mount_rad) - _FAR_SIGMAS * rates.mount_deviation_rad
         mount_known = bool((rates.mount_deviation_rad < s.most_mount_deviation_rad).all())
         timed = timed and bool(turning.any() and (gyro < 1.0).all())
         gravity_error_mps2 = abs(velocities.gravity_mps2 - s.gravity_mps2)
         return {
-            Subject.TIME: _Answer(abs(lag.lag_s) / self._most_lag_s if timed else 0.0, timed),
-            Subject.GRAVITY: _Answer(gravity_error_mps2 / self._most_gravity_error_mps2, bool(telling.any())),
-            Subject.MOUNT: _Answer(max(0.0, float(mount_rad.max())) / s.most_mount_rad, mount_known),
-            **{subject: _Answer(float(gyro[i]), bool(turning[i])) for i, subject in enumerate(_GYRO)},
-            **{subject: _Answer(float(accelerometer[i]), bool(telling[i])) for i, subject in enumerate(_ACCEL)},
+            Subject.TIME: _WindowResult(abs(lag.lag_s) / self._most_lag_s if timed else 0.0, timed),
+            Subject.GRAVITY: _WindowResult(gravity_error_mps2 / self._most_gravity_error_mps2, bool(telling.any())),
+            Subject.MOUNT: _WindowResult(max(0.0, float(mount_rad.max())) / s.most_mount_rad, mount_known),
+            **{subject: _WindowResult(float(gyro[i]), bool(turning[i])) for i, subject in enumerate(_GYRO)},
+            **{subject: _WindowResult(float(accelerometer[i]), bool(telling[i])) for i, subject in enumerate(_ACCEL)},
         }
 
 
-class _Answer(NamedTuple):
+class _WindowResult(NamedTuple):
     """How far one window's motion is from agreement, 1 being a contradiction, and whether it can prove agreement."""
 
     ratio: float
@@ -261,25 +269,25 @@ class _Answer(NamedTuple):
 _GYRO = (Subject.GYRO_X, Subject.GYRO_Y, Subject.GYRO_Z)
 _ACCEL = (Subject.ACCEL_X, Subject.ACCEL_Y, Subject.ACCEL_Z)
 _OF_IMU = (Subject.MOUNT, *_GYRO, *_ACCEL, Subject.GRAVITY)
-_FAR = 3.0
+_FAR_SIGMAS = 3.0
 _MOST_APART_S = 0.02
 _WINDOW_SLACK = 1.2
 
 
-class _Question:
-    """One verdict: it changes after some equal answers in a row, and to CONSISTENT only by motion."""
+class _HeldVerdict:
+    """One verdict: it changes after some equal results in a row, and to CONSISTENT only by motion."""
 
     def __init__(self, confirmations: int) -> None:
         self.verdict = Verdict.UNKNOWN
         self._confirmations = confirmations
-        self._for, self._against = 0, 0
+        self._agreements, self._contradictions = 0, 0
 
-    def take(self, answer: _Answer, agreeing: float) -> None:
-        self._against = self._against + 1 if answer.ratio >= 1.0 else 0
-        self._for = self._for + 1 if answer.ratio < agreeing and answer.informative else 0
-        if self._against >= self._confirmations:
+    def update(self, result: _WindowResult, agreeing: float) -> None:
+        self._contradictions = self._contradictions + 1 if result.ratio >= 1.0 else 0
+        self._agreements = self._agreements + 1 if result.ratio < agreeing and result.informative else 0
+        if self._contradictions >= self._confirmations:
             self.verdict = Verdict.INCONSISTENT
-        elif self._for >= self._confirmations:
+        elif self._agreements >= self._confirmations:
             self.verdict = Verdict.CONSISTENT
 
 
@@ -315,10 +323,10 @@ class _ImuRecord:
         turn: FloatArray = after - before
         return turn
 
-    def around(self, epoch_ns: int, seen: Seen, margin_s: float) -> Felt | None:
-        """Return the samples, times counted from `epoch_ns`, if they reach `margin_s` beyond `seen` on both sides."""
+    def around(self, epoch_ns: int, camera: CameraMotion, margin_s: float) -> ImuMotion | None:
+        """Return the samples, times counted from `epoch_ns`, if they reach `margin_s` beyond `camera` on both sides."""
         t_s: FloatArray = 1e-9 * (np.array(self._times_ns, dtype=np.int64) - epoch_ns).astype(np.float64)
-        if len(t_s) == 0 or t_s[0] > seen.from_s[0] - margin_s or t_s[-1] < seen.to_s[-1] + margin_s:
+        if len(t_s) == 0 or t_s[0] > camera.from_s[0] - margin_s or t_s[-1] < camera.to_s[-1] + margin_s:
             return None
         values = np.array(self._values)
-        return Felt(t_s, values[:, :3], values[:, 3:])
+        return ImuMotion(t_s, values[:, :3], values[:, 3:])

@@ -110,32 +110,32 @@ class VisualOdometer:
         self._row_time_s = stereo.row_time_s
         self._middle_row = (stereo.left.height_px - 1) / 2
         self._view: _View | None = None
-        self._unviewed: tuple[int, GreyImage, GreyImage] | None = None
+        self._unprepared: tuple[int, GreyImage, GreyImage] | None = None
         self.skew_px = float("nan")
         self._steps: deque[_Step] = deque(maxlen=3)
 
-    def see(self, t_exposure_ns: int, left: GreyImage, right: GreyImage) -> EgoMotion | None:
+    def add_frame(self, t_exposure_ns: int, left: GreyImage, right: GreyImage) -> EgoMotion | None:
         """Take a raw pair, (height, width) uint8 of the calibrated size; return the motion of the step before last.
 
         None until three steps in a row are known: after the start, after a gap longer than `longest_step_s`, and after
         pictures in which too little can be followed.
         """
-        self.get_ready()
+        self.prepare_next()
         before, left, right = self._view, self._small(left), self._small(right)
         step = None
         if before is not None and 0.0 < 1e-9 * (t_exposure_ns - before.t_exposure_ns) < self.longest_step_s:
             step = self._followed(before, t_exposure_ns, left)
-        self._unviewed = (t_exposure_ns, left, right)
+        self._unprepared = (t_exposure_ns, left, right)
         if step is None:
             self._steps.clear()
             return None
         self._steps.append(step)
         return None if len(self._steps) < 3 else _corrected(*self._steps)
 
-    def get_ready(self) -> None:
-        """Find what to follow into the next frame: two thirds of the work, best done when nobody waits."""
-        if self._unviewed is not None:
-            self._view, self._unviewed = self._viewed(*self._unviewed), None
+    def prepare_next(self) -> None:
+        """Find what to follow into the next frame: two thirds of the work, best done when no estimate waits for it."""
+        if self._unprepared is not None:
+            self._view, self._unprepared = self._viewed(*self._unprepared), None
 
     @property
     def newest(self) -> EgoMotion | None:
@@ -211,8 +211,8 @@ class VisualOdometer:
     def _followed(self, before: _View, t_exposure_ns: int, left: GreyImage) -> _Step | None:
         step_s = 1e-9 * (t_exposure_ns - before.t_exposure_ns)
         rates = self._steps[-1].rates if self._steps else np.zeros(6)
-        foreseen_px = self._left.pixels(_moved(before.points_C, rates, np.full(len(before.points_C), step_s)))
-        seen_px, good = _tracked(before.left, left, before.corners_px, foreseen_px, levels=2)
+        predicted_px = self._left.pixels(_moved(before.points_C, rates, np.full(len(before.points_C), step_s)))
+        seen_px, good = _tracked(before.left, left, before.corners_px, predicted_px, levels=2)
         back_px, returned = _tracked(left, before.left, seen_px, before.corners_px, levels=0)
         good &= returned & (np.abs(back_px - before.corners_px).max(axis=1) < self.most_return_px)
         if np.count_nonzero(good) < self.least_tracks:

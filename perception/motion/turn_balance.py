@@ -1,4 +1,4 @@
-"""The turn that the IMU felt beside the turn that the camera saw, step by step: soon known, where a window is not.
+"""The turn that the IMU measured beside the turn that the camera saw, step by step: known before a window is full.
 
 What matters of a wrong rate is the attitude that it spoils, so its integral is watched: with r_k the difference
 of the two turns in one step of Δt, less the usual one b Δt (the gyroscope's bias),
@@ -22,7 +22,7 @@ from messages.arrays import FloatArray
 class TurnBalanceSettings:
     """τ and the bound of (1): `most_rad` + `share` of the turn that was seen, faded in the same way.
 
-    b is the mean over about `usual_s`, once `known_s` have been watched. What contradicted agrees again when the steps
+    b is the mean over about `usual_s`, once `known_s` have been observed. What contradicted agrees again when the steps
     of the last `settled_s` differ by less than `settled_rad` together.
     """
 
@@ -36,11 +36,11 @@ class TurnBalanceSettings:
 
 
 class Turn(NamedTuple):
-    """One step of `duration_s`: the rotation vectors (3,) in B, small, that were felt and seen."""
+    """One step of `duration_s`: the rotation vectors (3,) in B, small, that the IMU measured and the camera saw."""
 
     duration_s: float
-    felt_rad: FloatArray
-    seen_rad: FloatArray
+    imu_rad: FloatArray
+    camera_rad: FloatArray
 
 
 class TurnBalance:
@@ -50,27 +50,28 @@ class TurnBalance:
         self.settings = settings or TurnBalanceSettings()
         self.contradicted = False
         self._usual_radps: FloatArray = np.zeros(3)
-        self._watched_s = 0.0
+        self._observed_s = 0.0
         self._difference_rad: FloatArray = np.zeros(3)
-        self._seen_rad: FloatArray = np.zeros(3)
+        self._camera_rad: FloatArray = np.zeros(3)
         self._recent: deque[tuple[float, FloatArray]] = deque()
 
-    def guess(self, turn: Turn) -> None:
+    def add_provisional(self, turn: Turn) -> None:
         """Judge by the newest step, as far as it is known yet; it will come again."""
         faded = math.exp(-turn.duration_s / self.settings.memory_s)
-        self._judge(faded * self._difference_rad + self._unusual(turn), faded * self._seen_rad + turn.seen_rad)
+        difference_rad = faded * self._difference_rad + self._unusual(turn)
+        self._check_bound(difference_rad, faded * self._camera_rad + turn.camera_rad)
 
-    def take(self, turn: Turn) -> bool:
+    def add(self, turn: Turn) -> bool:
         """Take a step that is known; return whether the two agree again after a contradiction."""
         settings = self.settings
         unusual_rad, faded = self._unusual(turn), math.exp(-turn.duration_s / settings.memory_s)
         self._difference_rad = faded * self._difference_rad + unusual_rad
-        self._seen_rad = faded * self._seen_rad + turn.seen_rad
-        self._judge(self._difference_rad, self._seen_rad)
+        self._camera_rad = faded * self._camera_rad + turn.camera_rad
+        self._check_bound(self._difference_rad, self._camera_rad)
         if self.contradicted:
             return self._settles(turn.duration_s, unusual_rad)
-        self._watched_s = min(self._watched_s + turn.duration_s, settings.usual_s)
-        self._usual_radps = self._usual_radps + unusual_rad / self._watched_s
+        self._observed_s = min(self._observed_s + turn.duration_s, settings.usual_s)
+        self._usual_radps = self._usual_radps + unusual_rad / self._observed_s
         return False
 
     def interrupt(self) -> None:
@@ -78,12 +79,12 @@ class TurnBalance:
         self._recent.clear()
 
     def _unusual(self, turn: Turn) -> FloatArray:
-        unusual: FloatArray = turn.felt_rad - turn.seen_rad - self._usual_radps * turn.duration_s
+        unusual: FloatArray = turn.imu_rad - turn.camera_rad - self._usual_radps * turn.duration_s
         return unusual
 
-    def _judge(self, difference_rad: FloatArray, seen_rad: FloatArray) -> None:
-        most_rad = self.settings.most_rad + self.settings.share * float(np.linalg.norm(seen_rad))
-        if self._watched_s >= self.settings.known_s and float(np.linalg.norm(difference_rad)) > most_rad:
+    def _check_bound(self, difference_rad: FloatArray, camera_rad: FloatArray) -> None:
+        most_rad = self.settings.most_rad + self.settings.share * float(np.linalg.norm(camera_rad))
+        if self._observed_s >= self.settings.known_s and float(np.linalg.norm(difference_rad)) > most_rad:
             self.contradicted = True
 
     def _settles(self, duration_s: float, unusual_rad: FloatArray) -> bool:
@@ -94,7 +95,7 @@ class TurnBalance:
         long_enough = sum(s for s, _ in self._recent) >= self.settings.settled_s
         if long_enough and float(np.linalg.norm(together_rad)) < self.settings.settled_rad:
             self.contradicted = False
-            self._difference_rad, self._seen_rad = np.zeros(3), np.zeros(3)
+            self._difference_rad, self._camera_rad = np.zeros(3), np.zeros(3)
             self._recent.clear()
             return True
         return False

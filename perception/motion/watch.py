@@ -1,4 +1,4 @@
-"""Camera and IMU side by side, message by message: the motion that one sees, the motion that the other feels.
+"""Camera and IMU side by side, message by message: the motion that each of them measures.
 
 And one eye beside the other: what they see of a corner must lie on one epipolar line.
 """
@@ -12,8 +12,8 @@ from perception.motion.ego_motion import VisualOdometer
 class MotionWatch:
     """Follows both, and says when they contradict each other.
 
-    It needs pictures from two eyes: of a depth camera's frames it takes no notice, and its reason stays NONE. The eyes
-    are misaligned from the first pair that says so until `confirmations` in a row deny it: matching bears
+    It needs pictures from two eyes: a depth camera's frames are ignored, and its reason stays NONE. The eyes
+    are misaligned from the first pair that says so until `confirmations` in a row deny it: matching tolerates
     `most_skew_px`.
     """
 
@@ -24,7 +24,7 @@ class MotionWatch:
         self._imu = calibration.imu
         self._odometer: VisualOdometer | None = None
         self._monitor: ConsistencyMonitor | None = None
-        self._aligned = self.confirmations
+        self._aligned_frames = self.confirmations
         if isinstance(calibration, Calibration):
             self._odometer = VisualOdometer(calibration.stereo)
             self._monitor = ConsistencyMonitor(calibration, self._odometer.R_LC)
@@ -32,7 +32,7 @@ class MotionWatch:
     @property
     def reason(self) -> Reason:
         """Return EYES_MISALIGNED, TIME_INCONSISTENT or IMU_INCONSISTENT while something contradicts, else NONE."""
-        if self._aligned < self.confirmations:
+        if self._aligned_frames < self.confirmations:
             return Reason.EYES_MISALIGNED
         return Reason.NONE if self._monitor is None else self._monitor.reason
 
@@ -45,34 +45,34 @@ class MotionWatch:
         return tuple(subject for subject in Subject if verdicts[subject] is Verdict.INCONSISTENT)
 
     @property
-    def turns_hold(self) -> bool:
+    def gyro_agrees(self) -> bool:
         """Return whether the gyroscope is known to agree with the camera."""
-        return self._monitor is not None and self._monitor.turns_hold
+        return self._monitor is not None and self._monitor.gyro_agrees
 
-    def feel(self, sample: ImuSample) -> None:
+    def add_sample(self, sample: ImuSample) -> None:
         """Take a finite sample, later than the one before it; a clipped one counts as missing."""
         if self._monitor is not None and not sample.clipped:
-            self._monitor.feel(sample.t_sample_ns, *corrected(sample, self._imu))
+            self._monitor.add_sample(sample.t_sample_ns, *corrected(sample, self._imu))
 
-    def see(self, frame: Frame) -> bool:
-        """Take a frame and judge its step; return whether what the IMU alone taught until now should be forgotten."""
+    def add_frame(self, frame: Frame) -> bool:
+        """Take a frame and judge its step; return whether what the IMU gave until now should be discarded."""
         if self._monitor is None or self._odometer is None or not isinstance(frame, StereoFrame):
             return False
         if frame.left.shape[::-1] != self._odometer.raw_size_px:
             return False
-        motion = self._odometer.see(frame.header.t_exposure_ns, frame.left, frame.right)
-        return self._monitor.see(motion, self._odometer.newest)
+        motion = self._odometer.add_frame(frame.header.t_exposure_ns, frame.left, frame.right)
+        return self._monitor.add_motion(motion, self._odometer.newest)
 
-    def judge(self) -> bool:
-        """Judge the last second and get ready for the next frame, while nobody waits; return whether to forget."""
+    def finish_frame(self) -> bool:
+        """Judge the last second and prepare the next frame, after the estimate has left; return as `add_frame` does."""
         if self._monitor is None or self._odometer is None:
             return False
-        self._odometer.get_ready()
-        self._align(self._odometer.skew_px)
-        return self._monitor.judge()
+        self._odometer.prepare_next()
+        self._check_alignment(self._odometer.skew_px)
+        return self._monitor.update_verdicts()
 
-    def _align(self, skew_px: float) -> None:
+    def _check_alignment(self, skew_px: float) -> None:
         if abs(skew_px) > self.most_skew_px:
-            self._aligned = 0
+            self._aligned_frames = 0
         elif abs(skew_px) <= self.most_skew_px:  # not where it is NaN
-            self._aligned += 1
+            self._aligned_frames += 1

@@ -11,9 +11,9 @@ import zenoh
 from calib.files import save_calibration
 from cli.reload import Reloader
 from cli.wiring import Outlets, build_service, open_outlets, open_recorder
-from daemon.camera_seat import CameraSeat
 from daemon.config import load_configuration, parse_configuration
 from daemon.pipeline import Pipeline
+from daemon.replaceable_camera import ReplaceableCamera
 from daemon.replay import replay
 from daemon.service import Service
 from drivers.recording.recording import McapRecording
@@ -37,14 +37,14 @@ class Unit:
         self.write()
         configuration = load_configuration(self.path)
         self.imu, self.cameras = QuietImu(), [GreyCamera()]
-        self.seat = CameraSeat(lambda: self.cameras[0])
+        self.camera = ReplaceableCamera(lambda: self.cameras[0])
         self.outlets: Outlets = open_outlets(configuration, self.calibration)
         self.heard: list[Estimate] = []
         recorder = open_recorder(self.recording, configuration, self.calibration, Source.LIVE, None)
         self.service: Service = build_service(
-            configuration, self.calibration, Source.LIVE, self.imu, self.seat, self.outlets, recorder, [self._hear]
+            configuration, self.calibration, Source.LIVE, self.imu, self.camera, self.outlets, recorder, [self._hear]
         )
-        self.reloader = Reloader(self.path, configuration, self.calibration, self.service, self.seat, self.outlets)
+        self.reloader = Reloader(self.path, configuration, self.calibration, self.service, self.camera, self.outlets)
 
     def write(self, text: str = "", *, endpoint: str = "", can: str = "before") -> None:
         listen = endpoint or self.endpoint

@@ -88,7 +88,7 @@ def verdicts(findings: Iterator[Finding]) -> dict[str, Verdict]:
     ],
 )
 def test_the_imu_is_judged_by_rate_losses_and_gravity(imu: LyingImu, stream: Verdict, rest: Verdict) -> None:
-    assert verdicts(checkup.look_at_imu(imu, 0.05)) == {"IMU stream": stream, "IMU at rest": rest}
+    assert verdicts(checkup.check_imu(imu, 0.05)) == {"IMU stream": stream, "IMU at rest": rest}
 
 
 @pytest.mark.parametrize(
@@ -101,13 +101,13 @@ def test_the_imu_is_judged_by_rate_losses_and_gravity(imu: LyingImu, stream: Ver
     ],
 )
 def test_the_camera_is_judged_by_stamps_and_brightness(camera: SteadyCamera, stamps: Verdict, eye: Verdict) -> None:
-    found = verdicts(checkup.look_at_camera(camera, 0.05))
+    found = verdicts(checkup.check_camera(camera, 0.05))
     assert (found["camera stream"], found["camera stamps"]) == (Verdict.FINE, stamps)
     assert found["left eye"] is found["right eye"] is eye
 
 
 def test_dropped_frames_are_told() -> None:
-    stream = next(iter(checkup.look_at_camera(SteadyCamera(dropped={DropCause.CORRUPT: 2}), 0.05)))
+    stream = next(iter(checkup.check_camera(SteadyCamera(dropped={DropCause.CORRUPT: 2}), 0.05)))
     assert stream.verdict is Verdict.NOTICE
     assert "2 corrupt" in stream.seen
 
@@ -117,13 +117,13 @@ def test_a_failed_axis_is_named() -> None:
         AxisTest(axis=axis, response_lsb=100.0, factory_trim_lsb=100.0, change_share=change, passed=change == 0.0)
         for axis, change in (("accelerometer x", 0.0), ("gyroscope z", 0.6))
     )
-    (found,) = checkup.look_at_self_test(SelfTest(chip="MPU-6050", axes=axes, passed=False))
+    (found,) = checkup.check_self_test(SelfTest(chip="MPU-6050", axes=axes, passed=False))
     assert found.verdict is Verdict.FAULT
     assert found.seen.endswith("failed: gyroscope z")
 
 
 def test_an_open_bus_without_an_ankle_is_a_notice() -> None:
-    (found,) = checkup.look_at_can(CanSettings(channel="checkup"), 0.05)
+    (found,) = checkup.check_can(CanSettings(channel="checkup"), 0.05)
     assert found.verdict is Verdict.NOTICE
     assert "nothing is heard of the ankle" in found.seen
 
@@ -140,4 +140,4 @@ def test_a_device_that_fails_is_a_finding() -> None:
 
 
 def test_the_host_is_looked_at() -> None:
-    assert {finding.subject for finding in checkup.look_at_host()} == {"real-time priorities", "locked memory"}
+    assert {finding.subject for finding in checkup.check_host()} == {"real-time priorities", "locked memory"}

@@ -8,7 +8,7 @@ import pytest
 from mcap.reader import make_reader
 
 from daemon.latency import LatencyLog
-from daemon.outgoing import STALE_NS, Outgoing, in_time
+from daemon.outgoing import STALE_NS, Outgoing, withdrawn_if_late
 from daemon.recorder import Recorder, RecordingInfo
 from daemon.stamping import Stamper, capture_ns
 from messages import Attitude, Estimate, FrameHeader, GroundPlane, Reason, Source, Stamp, Status
@@ -32,8 +32,8 @@ class Listener:
 @pytest.mark.parametrize("estimate", [ground(), attitude()])
 def test_what_is_too_old_is_late_and_has_no_numbers(estimate: GroundPlane | Attitude) -> None:
     limit_ns = capture_ns(estimate) + STALE_NS
-    assert in_time(estimate, limit_ns) is estimate
-    late = in_time(estimate, limit_ns + 1)
+    assert withdrawn_if_late(estimate, limit_ns) is estimate
+    late = withdrawn_if_late(estimate, limit_ns + 1)
     assert isinstance(late, GroundPlane | Attitude)
     assert (late.status, late.reason) == (Status.INVALID, Reason.LATE)
     assert capture_ns(late) == capture_ns(estimate)
@@ -46,7 +46,7 @@ def test_what_is_too_old_is_late_and_has_no_numbers(estimate: GroundPlane | Atti
 
 @pytest.mark.parametrize("estimate", [health(), invalid_ground()])
 def test_what_has_no_numbers_stays_as_it_is(estimate: Estimate) -> None:
-    assert in_time(estimate, 10**15) is estimate
+    assert withdrawn_if_late(estimate, 10**15) is estimate
 
 
 def test_a_late_plane_is_published_as_late_and_recorded_as_computed(tmp_path: Path) -> None:
@@ -71,7 +71,7 @@ def test_a_late_plane_is_published_as_late_and_recorded_as_computed(tmp_path: Pa
 def test_an_exchanged_publisher_hands_its_errors_on() -> None:
     old, can, new = Listener(errors=3), Listener("can", errors=5), Listener(errors=1)
     outgoing = Outgoing([old, can], Stamper("t", "boot", Source.LIVE), None, [])
-    outgoing.exchange(old, new)
+    outgoing.replace(old, new)
     assert (outgoing.errors("zenoh"), outgoing.errors("can")) == (4, 5)
     outgoing.send(health(), 0, lambda: 0, LatencyLog())
     assert (len(old.heard), len(can.heard), len(new.heard)) == (0, 1, 1)

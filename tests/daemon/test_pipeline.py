@@ -241,10 +241,10 @@ def test_while_imu_and_camera_contradict_each_other_there_is_no_ground(
 def test_only_after_a_long_silence_may_it_be_another_camera(
     wearer: SimulatedWearer, inputs: list[Input], monkeypatch: pytest.MonkeyPatch, silence_s: float, another: bool
 ) -> None:
-    forgotten: list[FrameGuard] = []
-    monkeypatch.setattr(FrameGuard, "interrupted", lambda guard: forgotten.append(guard))
+    resets: list[FrameGuard] = []
+    monkeypatch.setattr(FrameGuard, "reset_timing", lambda guard: resets.append(guard))
     pipe = pipeline(wearer)
     run(pipe, inputs[: len(inputs) // 2])
     last_ns = max(m.header.t_arrival_ns for m in inputs[: len(inputs) // 2] if isinstance(m, StereoFrame))
     run(pipe, [Tick(t_ns=last_ns + t_ns) for t_ns in range(0, round(1e9 * silence_s), 10_000_000)])
-    assert bool(forgotten) is another
+    assert bool(resets) is another

@@ -67,7 +67,7 @@ def test_a_thread_gets_the_priority_of_its_name_and_its_children_do_not() -> Non
         seen[name] = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(0).sched_priority
 
     def prioritised(name: str) -> None:
-        realtime.prioritise(name)
+        realtime.set_priority(name)
         look(name)
         if name == "imu":
             child = threading.Thread(target=look, args=("child",))
@@ -90,6 +90,6 @@ def test_the_main_threads_priority_is_given_back(caplog: pytest.LogCaptureFixtur
         granted = realtime.request_priorities()
     if granted:
         assert os.sched_getscheduler(0) & os.SCHED_FIFO
-        realtime.be_ordinary()
+        realtime.reset_priority()
     assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
     assert len(caplog.records) == (not granted)

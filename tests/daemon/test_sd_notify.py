@@ -26,8 +26,8 @@ def test_the_first_sign_of_life_says_ready_and_a_status_is_said_when_it_changes(
 ) -> None:
     listening, name = heard
     manager = ServiceManager({"NOTIFY_SOCKET": name})
-    manager.alive()
-    manager.alive()
+    manager.feed_watchdog()
+    manager.feed_watchdog()
     for line in ("no frame", "no frame", "slope 1°"):
         manager.status(line)
     manager.stopping()
@@ -43,20 +43,20 @@ def test_the_first_sign_of_life_says_ready_and_a_status_is_said_when_it_changes(
 def test_words_that_nobody_hears_do_no_harm(environment: dict[str, str]) -> None:
     manager = ServiceManager(environment)
     assert manager.is_there is bool(environment)
-    manager.alive()
+    manager.feed_watchdog()
     manager.status("x")
     manager.close()
 
 
 def test_every_loop_has_to_come_round_for_each_meal_of_the_watchdog() -> None:
     progress = Progress(("imu", "camera"))
-    assert not progress.renew()
-    progress.mark("imu")
+    assert not progress.all_advanced()
+    progress.count_round("imu")
     assert progress.stuck == ("camera",)
-    assert not progress.renew()
-    progress.mark("camera")
-    assert progress.renew()
-    assert not progress.renew()
+    assert not progress.all_advanced()
+    progress.count_round("camera")
+    assert progress.all_advanced()
+    assert not progress.all_advanced()
     for _ in range(5):
-        progress.mark("imu")
-    assert not progress.renew(), "one loop alone never feeds it"
+        progress.count_round("imu")
+    assert not progress.all_advanced(), "one loop alone never feeds it"

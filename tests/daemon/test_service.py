@@ -281,7 +281,7 @@ class Hang:
 def test_a_thread_that_hangs_starves_the_watchdog_and_is_given_up(
     calibration: Calibration, where: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("daemon.service.FAREWELL_S", 0.2)
+    monkeypatch.setattr("daemon.service.LONGEST_JOIN_S", 0.2)
     rig, hang = Rig(calibration), Hang(() if where == "imu" else None)
     if where in ("imu", "camera"):
         monkeypatch.setattr(getattr(rig, where), "read", hang)
@@ -301,7 +301,7 @@ def test_a_thread_that_hangs_starves_the_watchdog_and_is_given_up(
     fed: list[bool] = []
     try:
         with pytest.raises(ServiceError, match=f"thread {where} of the service hangs"):
-            service.run(1.0, each_s=0.25, status=lambda: fed.append(service.progress.renew()))
+            service.run(1.0, each_s=0.25, status=lambda: fed.append(service.progress.all_advanced()))
     finally:
         hang.over.set()
     assert service.progress.stuck == (where,)

@@ -5,7 +5,7 @@ import logging
 import pytest
 
 from daemon.load import LoadDecision
-from daemon.watch import FRAMES_BEFORE_TOLD, IN_WORDS, GroundWatch, Outage
+from daemon.watch import FRAMES_BEFORE_LOGGED, IN_WORDS, GroundWatch, Outage
 from drivers.protocols import DeviceError
 from messages import Load, Reason
 
@@ -20,16 +20,16 @@ def told(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
 
 def test_exchanged_eyes_are_told_once_and_their_end_too(told: pytest.LogCaptureFixture) -> None:
     watch = GroundWatch()
-    for reason in [Reason.EYES_SWAPPED] * 5 * FRAMES_BEFORE_TOLD + [Reason.NONE] * 3:
-        watch.saw(reason)
+    for reason in [Reason.EYES_SWAPPED] * 5 * FRAMES_BEFORE_LOGGED + [Reason.NONE] * 3:
+        watch.add_reason(reason)
     assert told.messages == [f"no ground: {IN_WORDS[Reason.EYES_SWAPPED]}", "the ground is seen again"]
 
 
 def test_what_passes_within_a_second_is_not_told(told: pytest.LogCaptureFixture) -> None:
     watch = GroundWatch()
     for _ in range(10):
-        for reason in [Reason.NOT_PLANAR] * (FRAMES_BEFORE_TOLD - 1) + [Reason.NONE]:
-            watch.saw(reason)
+        for reason in [Reason.NOT_PLANAR] * (FRAMES_BEFORE_LOGGED - 1) + [Reason.NONE]:
+            watch.add_reason(reason)
     assert told.messages == []
 
 
@@ -47,12 +47,12 @@ def test_an_outage_is_told_once_and_its_end_with_length_and_attempts(told: pytes
     now_s = 100.0
     outage = Outage("camera", clock=lambda: now_s)
     for _ in range(4):
-        outage.began(DeviceError("/dev/video0: unplugged"))
+        outage.add_failure(DeviceError("/dev/video0: unplugged"))
         now_s += 0.5
-    assert outage.lasting == "camera lost: /dev/video0: unplugged"
-    outage.ended()
-    outage.ended()
-    assert outage.lasting == ""
+    assert outage.problem == "camera lost: /dev/video0: unplugged"
+    outage.add_success()
+    outage.add_success()
+    assert outage.problem == ""
     assert told.messages == [
         "camera lost: /dev/video0: unplugged",
         "camera is back: outage_s=2.00 attempts=4",
@@ -63,10 +63,10 @@ def test_a_device_that_comes_and_goes_does_not_flood_the_log(told: pytest.LogCap
     now_s = 0.0
     outage = Outage("IMU", clock=lambda: now_s)
     for _ in range(1280):
-        outage.began(DeviceError("NAK"))
+        outage.add_failure(DeviceError("NAK"))
         now_s += 1 / 128
-        outage.ended()
+        outage.add_success()
         now_s += 1 / 128
     assert told.messages[:2] == ["IMU lost: NAK", "IMU is back: outage_s=0.01 attempts=1"]
     assert len(told.messages) == 4, "twice in 20 s"
-    assert told.messages[2] == "IMU lost: NAK outages_untold=639"
+    assert told.messages[2] == "IMU lost: NAK outages_not_logged=639"

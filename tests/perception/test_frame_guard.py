@@ -29,7 +29,7 @@ def pictures(seed: int, count: int) -> list[tuple[NDArray[np.uint8], NDArray[np.
 
 def judged(guard: FrameGuard, latencies_ns: list[int], seed: int = 1) -> list[Reason]:
     views = pictures(seed, len(latencies_ns))
-    return [guard.judge(header(k, late), view) for k, (late, view) in enumerate(zip(latencies_ns, views, strict=True))]
+    return [guard.check(header(k, late), view) for k, (late, view) in enumerate(zip(latencies_ns, views, strict=True))]
 
 
 def test_new_pictures_with_a_busy_hosts_delays_pass() -> None:
@@ -40,21 +40,21 @@ def test_new_pictures_with_a_busy_hosts_delays_pass() -> None:
 def test_a_repeated_picture_is_frozen_at_once_and_a_new_one_is_not() -> None:
     guard = FrameGuard()
     (first, second) = pictures(3, 2)
-    assert guard.judge(header(0), first) is Reason.NONE
-    assert guard.judge(header(1), tuple(eye.copy() for eye in first)) is Reason.FROZEN_FRAME
-    assert guard.judge(header(2), second) is Reason.NONE
+    assert guard.check(header(0), first) is Reason.NONE
+    assert guard.check(header(1), tuple(eye.copy() for eye in first)) is Reason.FROZEN_FRAME
+    assert guard.check(header(2), second) is Reason.NONE
 
 
 def test_one_frozen_eye_is_enough() -> None:
     guard = FrameGuard()
     (first, second) = pictures(4, 2)
-    guard.judge(header(0), first)
-    assert guard.judge(header(1), (second[0], first[1])) is Reason.FROZEN_FRAME
+    guard.check(header(0), first)
+    assert guard.check(header(1), (second[0], first[1])) is Reason.FROZEN_FRAME
 
 
 def test_uniform_pictures_are_left_to_the_matcher() -> None:
     guard, black = FrameGuard(), np.zeros((48, 64), np.uint8)
-    assert [guard.judge(header(k), (black, black)) for k in range(3)] == [Reason.NONE] * 3
+    assert [guard.check(header(k), (black, black)) for k in range(3)] == [Reason.NONE] * 3
 
 
 def test_stamps_from_the_future_or_of_long_ago_are_refused() -> None:
@@ -66,10 +66,10 @@ def test_stamps_from_the_future_or_of_long_ago_are_refused() -> None:
 
 
 def test_stamps_that_jump_forward_are_refused_until_they_are_the_rule() -> None:
-    jumped = [LATENCY_NS] * 30 + [LATENCY_NS - 20_000_000] * (FrameGuard.relearn + 5)
+    jumped = [LATENCY_NS] * 30 + [LATENCY_NS - 20_000_000] * (FrameGuard.relearn_after + 5)
     reasons = judged(FrameGuard(), jumped)
     assert set(reasons[:30]) == {Reason.NONE}
-    assert set(reasons[30 : 30 + FrameGuard.relearn]) == {Reason.TIME_INCONSISTENT}
+    assert set(reasons[30 : 30 + FrameGuard.relearn_after]) == {Reason.TIME_INCONSISTENT}
     assert set(reasons[-4:]) == {Reason.NONE}
 
 
@@ -81,7 +81,7 @@ def test_frames_that_were_late_for_long_and_are_punctual_again_pass() -> None:
 def test_after_a_silence_the_timing_is_learnt_anew() -> None:
     guard = FrameGuard()
     judged(guard, [LATENCY_NS] * 30)
-    guard.interrupted()
+    guard.reset_timing()
     assert set(judged(guard, [LATENCY_NS - 20_000_000] * 5, seed=5)) == {Reason.NONE}
 
 
@@ -100,5 +100,5 @@ def test_a_backlog_of_frames_that_arrive_together_teaches_nothing() -> None:
         for k in range(25)
     ]
     views = pictures(6, 25)
-    assert {guard.judge(late, view) for late, view in zip(backlog, views, strict=True)} == {Reason.NONE}
+    assert {guard.check(late, view) for late, view in zip(backlog, views, strict=True)} == {Reason.NONE}
     assert set(judged(guard, [LATENCY_NS] * 30, seed=7)) == {Reason.NONE}

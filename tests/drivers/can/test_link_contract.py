@@ -309,13 +309,13 @@ def error_frame(classes: int, controller: int = 0) -> can.Message:
 def test_a_controller_off_the_bus_is_left_alone_but_for_one_frame_a_second() -> None:
     now_ns = [0]
     watch = CanStateWatch()
-    watch.saw_error(error_frame(BUS_OFF), now_ns[0])
+    watch.on_error_frame(error_frame(BUS_OFF), now_ns[0])
     assert (watch.state, watch.bus_offs) == (CanState.BUS_OFF, 1)
     allowed = [tick for tick in range(0, 3000, 50) if watch.may_send(tick * 1_000_000)]
     assert allowed == [1000, 2000]
-    watch.saw_error(error_frame(BUS_OFF), now_ns[0])
+    watch.on_error_frame(error_frame(BUS_OFF), now_ns[0])
     assert watch.bus_offs == 1
-    watch.saw_error(error_frame(RESTARTED), now_ns[0])
+    watch.on_error_frame(error_frame(RESTARTED), now_ns[0])
     assert watch.state is CanState.ACTIVE
     assert watch.may_send(0)
 
@@ -326,24 +326,24 @@ def test_a_controller_off_the_bus_is_left_alone_but_for_one_frame_a_second() -> 
 )
 def test_warning_and_passive_are_told_and_do_not_keep_from_sending(controller: int, state: CanState) -> None:
     watch = CanStateWatch()
-    watch.saw_error(error_frame(CONTROLLER, controller), 0)
+    watch.on_error_frame(error_frame(CONTROLLER, controller), 0)
     assert watch.state is state
     assert watch.may_send(0)
-    watch.saw_error(error_frame(CONTROLLER, 0x40), 0)
+    watch.on_error_frame(error_frame(CONTROLLER, 0x40), 0)
     assert watch.state is CanState.ACTIVE
 
 
 def test_traffic_from_others_shows_that_the_bus_is_back() -> None:
     watch = CanStateWatch()
-    watch.saw_error(error_frame(BUS_OFF), 0)
-    watch.saw_traffic()
+    watch.on_error_frame(error_frame(BUS_OFF), 0)
+    watch.on_other_frame()
     assert watch.state is CanState.ACTIVE
 
 
 def test_a_patient_link_starts_without_a_bus_and_finds_it_later(adapter: Adapter) -> None:
     now_ns = [0]
     adapter.unplug()
-    link = CanLink(adapter.settings, patient=True, now_ns=lambda: now_ns[0])
+    link = CanLink(adapter.settings, retry_opening=True, now_ns=lambda: now_ns[0])
     assert link.send(FRAME) is SendResult.LINK_DOWN
     assert (link.bus_health.state, link.bus_health.outages) == (CanState.DOWN, 1)
     adapter.plug_in()

@@ -128,13 +128,13 @@ def test_samples_are_counted_from_time_alone() -> None:
 
 def test_doubt_lasts_until_the_boundary_is_surely_behind() -> None:
     clock, newest_ns = settled_clock()
-    assert clock.doubt_s(1000, newest_ns + 5_000_000) == 0.0
+    assert clock.ambiguous_s(1000, newest_ns + 5_000_000) == 0.0
     near_ns = newest_ns + 9_900_000
-    doubt_s = clock.doubt_s(1000, near_ns)
-    assert 0.0 < doubt_s < 0.001
+    ambiguous_s = clock.ambiguous_s(1000, near_ns)
+    assert 0.0 < ambiguous_s < 0.001
     assert clock.missed(1000, near_ns) == 0
-    assert clock.missed(1000, near_ns + round(doubt_s * 1e9) + 1000) == 1
-    assert clock.doubt_s(1001, near_ns) == 0.0
+    assert clock.missed(1000, near_ns + round(ambiguous_s * 1e9) + 1000) == 1
+    assert clock.ambiguous_s(1001, near_ns) == 0.0
 
 
 def test_a_restart_forgets_the_phase_and_keeps_the_period() -> None:
@@ -165,7 +165,7 @@ def test_nothing_is_known_before_the_first_sample() -> None:
     clock.restart(0, START_NS)
     assert clock.uncertainty_s == np.inf
     assert clock.missed(0, START_NS + 10**9) == 0
-    assert clock.doubt_s(0, START_NS + 10**9) == 0.0
+    assert clock.ambiguous_s(0, START_NS + 10**9) == 0.0
     with pytest.raises(ValueError, match="sample 1 was never observed"):
         clock.stamp(1)
 

@@ -233,7 +233,7 @@ def turned(motion: Motion, angle_deg: float) -> Motion:
 def test_forgets_all_but_the_calibration() -> None:
     motion = with_mpu6050_noise(hip_motion([(5.0, 40.0)], 40.0, seed=19), seed=19)
     filter_ = fed(motion.between(0.0, 15.0))
-    filter_.forget()
+    filter_.reset()
     assert filter_.status is Status.INITIALISING
     assert filter_.gyro_bias == (0.0, 0.0, 0.0)
     later = motion.between(15.0, 40.0)

@@ -60,7 +60,7 @@ def judge(motion: Motion, clips: list[tuple[float, int]], forget_s: float) -> tu
         zip(motion.t_ns.tolist(), motion.sf_B.tolist(), motion.w_B.tolist(), strict=True)
     ):
         if t_s[i] >= forget_s and not forgotten:
-            attitude.forget()
+            attitude.reset()
             forgotten = True
         attitude.update(t_ns, tuple(sf), tuple(w), bool(flagged[i]))
         step_s = float(t_s[i] - t_s[i - 1]) if i else 0.0

@@ -13,12 +13,12 @@ CALIBRATION = draw_unit(1).exact_calibration()
 IMU = CALIBRATION.imu
 
 
-def felt(track: AttitudeTrack, motion: Motion) -> list[Attitude]:
+def add_all(track: AttitudeTrack, motion: Motion) -> list[Attitude]:
     """Return what the track says to `motion`, measured by the unit's chip without noise."""
     measured_sf = motion.sf_B @ np.linalg.inv(IMU.sf_matrix).T + IMU.sf_bias_mps2
     measured_w = motion.w_B @ np.linalg.inv(IMU.w_matrix).T + IMU.w_bias_radps
     return [
-        track.feel(
+        track.add_sample(
             ImuSample(
                 seq=seq,
                 t_sample_ns=t_ns,
@@ -34,14 +34,14 @@ def felt(track: AttitudeTrack, motion: Motion) -> list[Attitude]:
 
 def test_forgetting_leaves_no_number_until_the_filter_has_started_again() -> None:
     track, motion = AttitudeTrack(CALIBRATION), hip_motion([], 8.0, seed=1)
-    assert felt(track, motion.between(0.0, 3.0))[-1].status is Status.VALID
+    assert add_all(track, motion.between(0.0, 3.0))[-1].status is Status.VALID
     newest_ns = track.newest_ns
     assert newest_ns is not None
-    track.forget()
+    track.roll_back()
     assert track.at(newest_ns) is None
     assert track.newest_ns == newest_ns
     assert track.reason is Reason.STARTING
-    attitudes = felt(track, motion.between(3.0, 8.0))
+    attitudes = add_all(track, motion.between(3.0, 8.0))
     starting = [attitude for attitude in attitudes if attitude.status is not Status.VALID]
     assert 90 <= len(starting) <= 105
     assert all(math.isnan(attitude.q_WB[0]) for attitude in starting)
@@ -50,10 +50,10 @@ def test_forgetting_leaves_no_number_until_the_filter_has_started_again() -> Non
 
 def test_attitudes_in_retrospect_are_right_and_do_not_reach_across_a_gap() -> None:
     track, motion = AttitudeTrack(CALIBRATION), hip_motion([(2.0, 20.0)], 20.0, seed=2)
-    felt(track, motion.between(0.0, 6.0))
-    felt(track, motion.between(7.0, 7.5))
+    add_all(track, motion.between(0.0, 6.0))
+    add_all(track, motion.between(7.0, 7.5))
     after = motion.between(8.2, 10.2)
-    attitudes = felt(track, after)
+    attitudes = add_all(track, after)
     valid = next(k for k, attitude in enumerate(attitudes) if attitude.status is Status.VALID)
     assert all(attitude.reason is Reason.NO_IMU for attitude in attitudes[:valid])
     assert track.at(int(motion.between(7.0, 7.5).t_ns[-1])) is None
@@ -68,13 +68,13 @@ def test_attitudes_in_retrospect_are_right_and_do_not_reach_across_a_gap() -> No
 def test_what_contradicted_is_forgotten_back_to_what_was_kept() -> None:
     track, motion = AttitudeTrack(CALIBRATION), hip_motion([(2.0, 12.0)], 12.0, seed=3)
     for second in range(7):
-        felt(track, motion.between(float(second), second + 1.0))
-        track.keep()
+        add_all(track, motion.between(float(second), second + 1.0))
+        track.checkpoint()
     wrong = motion.between(7.0, 9.0)
-    felt(track, replace(wrong, sf_B=wrong.sf_B * (-1.0, 1.0, 1.0)))
-    track.forget()
+    add_all(track, replace(wrong, sf_B=wrong.sf_B * (-1.0, 1.0, 1.0)))
+    track.roll_back()
     after = motion.between(9.0, 11.0)
-    attitudes = felt(track, after)
+    attitudes = add_all(track, after)
     valid = next(k for k, attitude in enumerate(attitudes) if attitude.status is Status.VALID)
     assert 0 < valid <= 150
     q_WB = [so3.matrix_from_quaternion(attitude.q_WB) for attitude in attitudes[valid:]]
@@ -82,20 +82,20 @@ def test_what_contradicted_is_forgotten_back_to_what_was_kept() -> None:
 
 
 def contradicted(accelerometer: float) -> tuple[AttitudeTrack, Motion]:
-    """Return a track that was kept during a walk and then felt the accelerometer's x wrong, and what follows."""
+    """Return a track that was kept during a walk and then measured the accelerometer's x wrong, and what follows."""
     track, motion = AttitudeTrack(CALIBRATION), hip_motion([(2.0, 14.0)], 14.0, seed=4)
     for second in range(7):
-        felt(track, motion.between(float(second), second + 1.0))
-        track.keep()
+        add_all(track, motion.between(float(second), second + 1.0))
+        track.checkpoint()
     wrong = motion.between(7.0, 10.0)
-    felt(track, replace(wrong, sf_B=wrong.sf_B * (accelerometer, 1.0, 1.0)))
+    add_all(track, replace(wrong, sf_B=wrong.sf_B * (accelerometer, 1.0, 1.0)))
     return track, motion.between(10.0, 14.0)
 
 
 def test_turns_that_hold_carry_the_vertical_past_an_accelerometer_that_does_not() -> None:
     track, after = contradicted(accelerometer=-1.0)
-    track.forget(turns_hold=True)
-    attitudes = felt(track, after)
+    track.roll_back(gyro_agrees=True)
+    attitudes = add_all(track, after)
     assert all(attitude.status is Status.VALID for attitude in attitudes)
     q_WB = np.array([so3.matrix_from_quaternion(attitude.q_WB) for attitude in attitudes])
     errors_rad = np.linalg.norm(tilt_errors_W(q_WB, after.R_WB), axis=1)
@@ -106,6 +106,6 @@ def test_turns_that_hold_carry_the_vertical_past_an_accelerometer_that_does_not(
 
 def test_turns_carry_nothing_past_samples_that_are_missing() -> None:
     track, after = contradicted(accelerometer=-1.0)
-    felt(track, after.between(1.0, 1.5))
-    track.forget(turns_hold=True)
-    assert felt(track, after.between(1.5, 1.6))[-1].status is not Status.VALID
+    add_all(track, after.between(1.0, 1.5))
+    track.roll_back(gyro_agrees=True)
+    assert add_all(track, after.between(1.5, 1.6))[-1].status is not Status.VALID

@@ -47,7 +47,7 @@ def test_disparities_are_inverse_depth_and_unknown_where_there_is_none() -> None
     image = np.full((HEIGHT, WIDTH), 1500, np.uint16)
     image[100:110, 150:160] = 0
     points_C = np.array([[-0.1, -0.1, 1.5], [0.1, 0.1, 1.5], [0.0, 0.0, 1.5]])
-    patch = DepthCamera(DEPTH).look((image,), points_C)
+    patch = DepthCamera(DEPTH).find_disparities((image,), points_C)
     assert patch is not None
     known = np.isfinite(patch.disparity_px)
     np.testing.assert_allclose(patch.disparity_px[known], F_PX * 0.05 / 1.5, rtol=1e-12)
@@ -61,7 +61,7 @@ def test_disparities_are_inverse_depth_and_unknown_where_there_is_none() -> None
 def test_rays_are_those_that_the_lens_projects_onto_the_pixels(lens: Lens) -> None:
     camera = DepthCamera(msgspec.structs.replace(DEPTH, lens=lens))
     corners = np.array([[-0.7, -0.5, 1.0], [0.7, 0.5, 1.0], [0.0, 0.0, 1.0]])
-    patch = camera.look((np.ones((HEIGHT, WIDTH), np.uint16),), corners)
+    patch = camera.find_disparities((np.ones((HEIGHT, WIDTH), np.uint16),), corners)
     assert patch is not None
     rows, columns = patch.disparity_px.shape
     projected, _ = cv2.projectPoints(
@@ -75,7 +75,7 @@ def test_rays_are_those_that_the_lens_projects_onto_the_pixels(lens: Lens) -> No
 
 def test_a_point_beside_the_picture_is_not_in_view() -> None:
     image = np.ones((HEIGHT, WIDTH), np.uint16)
-    assert DepthCamera(DEPTH).look((image,), np.array([[0.0, 0.0, 1.0], [0.9, 0.0, 1.0]])) is None
+    assert DepthCamera(DEPTH).find_disparities((image,), np.array([[0.0, 0.0, 1.0], [0.9, 0.0, 1.0]])) is None
 
 
 @pytest.mark.parametrize("lens", [PINHOLE, BENT], ids=["pinhole", "bent"])

@@ -28,8 +28,8 @@ def seen(name: str, seed: int, first: int, count: int) -> tuple[list[tuple[Groun
     for frame, truth in wearer.frames(count, first=first):
         motion = wearer.gait.at(np.array([frame.header.t_exposure_ns]))
         w = tuple(motion.w_WB_B_radps[0].tolist())
-        bob_mps = float(motion.v_WB_mps[0] @ [-np.tan(truth.slope_sagittal_rad), 0.0, 1.0])
-        estimate = estimator.estimate(frame, motion.R_WB[0], w, np.zeros((3, 3)), height_rate_mps=bob_mps)
+        vertical_swing_mps = float(motion.v_WB_mps[0] @ [-np.tan(truth.slope_sagittal_rad), 0.0, 1.0])
+        estimate = estimator.estimate(frame, motion.R_WB[0], w, np.zeros((3, 3)), height_rate_mps=vertical_swing_mps)
         pairs.append((estimate, truth))
     return pairs[1:], wearer.calibration  # the first waits for its confirmation
 

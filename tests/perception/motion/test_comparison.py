@@ -1,11 +1,11 @@
-"""Seen and felt motion: lag, misfit, gain and gravity of a walk whose truth is known."""
+"""CameraMotion and felt motion: lag, misfit, gain and gravity of a walk whose truth is known."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from perception.motion.comparison import Felt, Seen, lag_of, rate_misfit, velocity_misfit
+from perception.motion.comparison import CameraMotion, ImuMotion, lag_of, rate_misfit, velocity_misfit
 from tests.bench.seen_motion import FRAME_NS, P_BC_M, R_BC, START_NS, WALKING_NS, felt, gait, seen
 
 WALK = gait(5)
@@ -13,21 +13,21 @@ STEPS = 24
 X_BIAS_MPS2 = np.array([-0.98, 0.0, 0.0])
 
 
-def stretch(noise: float = 0.0, late_ns: int = 0) -> tuple[Seen, Felt]:
+def stretch(noise: float = 0.0, late_ns: int = 0) -> tuple[CameraMotion, ImuMotion]:
     """Return a second of walking; its steps are stamped `late_ns` after they were."""
     steps = [
         seen(WALK, t_ns, t_ns + FRAME_NS, noise) for t_ns in range(WALKING_NS, WALKING_NS + STEPS * FRAME_NS, FRAME_NS)
     ]
     samples = felt(WALK, WALKING_NS - 300_000_000, WALKING_NS + STEPS * FRAME_NS + 300_000_000)
     return (
-        Seen(
+        CameraMotion(
             from_s=1e-9 * np.array([s.t_before_ns + late_ns - START_NS for s in steps]),
             to_s=1e-9 * np.array([s.t_after_ns + late_ns - START_NS for s in steps]),
             w_B_radps=np.array([s.w_C_radps for s in steps]) @ R_BC.T,
             v_C_B_mps=np.array([s.v_C_mps for s in steps]) @ R_BC.T,
             p_BC_m=P_BC_M,
         ),
-        Felt(
+        ImuMotion(
             t_s=1e-9 * np.array([s.t_ns - START_NS for s in samples]),
             sf_B_mps2=np.array([s.sf_B_mps2 for s in samples]),
             w_B_radps=np.array([s.w_B_radps for s in samples]),

@@ -50,10 +50,10 @@ def heard(
     for told in arrivals_until(to_ns, seed, name):
         message = told if alter is None else alter(told)
         if isinstance(message, FeltAt):
-            monitor.feel(message.t_ns, message.sf_B_mps2, message.w_B_radps)
+            monitor.add_sample(message.t_ns, message.sf_B_mps2, message.w_B_radps)
             now_ns = message.t_ns
         elif isinstance(message, EgoMotion):
-            if monitor.see(message, None) | monitor.judge():
+            if monitor.add_motion(message, None) | monitor.update_verdicts():
                 words.restarts_ns.append(now_ns)
             words.reasons.append((now_ns, monitor.reason))
     words.verdicts = monitor.verdicts
@@ -142,13 +142,13 @@ def test_a_contradiction_is_not_forgiven_while_nothing_is_seen(calibration: Cali
     for told in arrivals_until(WALKING_NS + 3 * S, 5):
         message = flip(4, 0, 10**18)(told)
         if isinstance(message, FeltAt):
-            monitor.feel(message.t_ns, message.sf_B_mps2, message.w_B_radps)
+            monitor.add_sample(message.t_ns, message.sf_B_mps2, message.w_B_radps)
         elif isinstance(message, EgoMotion):
-            monitor.see(message, None)
-            monitor.judge()
+            monitor.add_motion(message, None)
+            monitor.update_verdicts()
     for _ in range(100):
-        assert not monitor.see(None, None)
-        assert not monitor.judge()
+        assert not monitor.add_motion(None, None)
+        assert not monitor.update_verdicts()
     assert monitor.reason is Reason.IMU_INCONSISTENT
     assert monitor.verdicts[Subject.GYRO_Y] is Verdict.INCONSISTENT
     assert monitor.verdicts[Subject.GYRO_X] is Verdict.CONSISTENT
@@ -165,9 +165,9 @@ def test_what_moved_while_no_picture_came_is_forgotten(
     monitor, counted = ConsistencyMonitor(calibration, np.eye(3)), 0
     for told in arrivals_until(WALKING_NS + 6 * S, 5):
         if isinstance(told, FeltAt):
-            monitor.feel(told.t_ns, told.sf_B_mps2, told.w_B_radps)
+            monitor.add_sample(told.t_ns, told.sf_B_mps2, told.w_B_radps)
         elif not gone_from_ns <= told.t_before_ns < gone_from_ns + gone_s * S:
-            counted += monitor.see(told, None) | monitor.judge()
+            counted += monitor.add_motion(told, None) | monitor.update_verdicts()
             assert monitor.reason is Reason.NONE
     assert counted == restarts
 
@@ -177,10 +177,10 @@ def test_lost_samples_are_no_contradiction(calibration: Calibration) -> None:
     for told in arrivals_until(WALKING_NS + 4 * S, 5):
         if isinstance(told, FeltAt):
             if not WALKING_NS + S <= told.t_ns < WALKING_NS + S + S // 5:
-                monitor.feel(told.t_ns, told.sf_B_mps2, told.w_B_radps)
+                monitor.add_sample(told.t_ns, told.sf_B_mps2, told.w_B_radps)
         else:
-            monitor.see(told, None)
-            monitor.judge()
+            monitor.add_motion(told, None)
+            monitor.update_verdicts()
             assert monitor.reason is Reason.NONE
 
 

@@ -29,7 +29,7 @@ def frames(wearer: SimulatedWearer) -> list[StereoFrame]:
 
 def motions(wearer: SimulatedWearer, frames: Sequence[StereoFrame]) -> list[EgoMotion | None]:
     odometer = VisualOdometer(wearer.calibration.stereo)
-    return [odometer.see(frame.header.t_exposure_ns, frame.left, frame.right) for frame in frames]
+    return [odometer.add_frame(frame.header.t_exposure_ns, frame.left, frame.right) for frame in frames]
 
 
 def test_rates_and_velocities_of_a_walk(wearer: SimulatedWearer, frames: list[StereoFrame]) -> None:
@@ -77,7 +77,7 @@ def test_pictures_without_texture_or_with_exchanged_eyes_tell_nothing(
 def test_a_watch_takes_no_notice_of_frames_of_another_size(wearer: SimulatedWearer, frames: list[StereoFrame]) -> None:
     watch = MotionWatch(wearer.calibration)
     small = msgspec.structs.replace(frames[0], left=frames[0].left[::2, ::2], right=frames[0].right[::2, ::2])
-    assert not watch.see(small)
+    assert not watch.add_frame(small)
     assert watch.contradictions == ()
 
 
@@ -88,8 +88,9 @@ def test_an_eye_that_has_slipped_is_named_at_once_and_forgiven_after_three_pairs
     watch, reasons = MotionWatch(wearer.calibration), []
     for k, frame in enumerate(frames):
         slipped = 3 <= k < 8
-        watch.see(msgspec.structs.replace(frame, right=np.roll(frame.right, lower_px, axis=0)) if slipped else frame)
-        watch.judge()
+        lowered = msgspec.structs.replace(frame, right=np.roll(frame.right, lower_px, axis=0))
+        watch.add_frame(lowered if slipped else frame)
+        watch.finish_frame()
         reasons.append(watch.reason)
     misaligned = [reason is Reason.EYES_MISALIGNED for reason in reasons]
     assert misaligned == [False] * 3 + [True] * 7 + [False] * 2

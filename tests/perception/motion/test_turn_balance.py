@@ -27,8 +27,8 @@ def walked(balance: TurnBalance, steps: range, seed: int, wrong: np.ndarray, bia
     chance, said = np.random.default_rng([seed, steps.start]), []
     for k in steps:
         told = turn(wrong * walking(k, seed) + bias, walking(k, seed) + chance.normal(0.0, NOISE_RADPS, 3))
-        balance.guess(told)
-        balance.take(told)
+        balance.add_provisional(told)
+        balance.add(told)
         said.append(balance.contradicted)
     return said
 

@@ -1,4 +1,4 @@
-"""The camera's place in the service: filled by an opener, at the start or again when the configuration changes."""
+"""The service's camera, which is opened at the start and replaced when the configuration changes."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -9,8 +9,8 @@ from messages import DropCause, Frame
 OpenCamera = Callable[[], FrameSource]
 
 
-class CameraSeat:
-    """A FrameSource that opens its camera when it is first read, and another one after `exchange`.
+class ReplaceableCamera:
+    """A FrameSource that opens its camera when it is first read, and another one after `replace`.
 
     A camera that cannot be opened is tried again by the next `read`; drops are counted over all cameras.
     """
@@ -26,7 +26,7 @@ class CameraSeat:
         camera = self._camera
         return dict(self._dropped_before + Counter(camera.dropped if camera is not None else {}))
 
-    def exchange(self, open_camera: OpenCamera) -> None:
+    def replace(self, open_camera: OpenCamera) -> None:
         """Close the camera and open another one at the next `read`; may be called from another thread."""
         self._due = open_camera
 
