@@ -61,6 +61,7 @@ class Pipeline:
         self._motion = MotionWatch(calibration)
         self._waiting: Frame | None = None
         self._imu_arrival_ns: int | None = None
+        self._newest_sample_ns: int | None = None
         self._imu_silent = False
         self._frame_arrival_ns = 0
         self._report_silence_at_ns: int | None = None
@@ -94,6 +95,7 @@ class Pipeline:
             self._health.count_refused_sample()
             return
         self._imu_arrival_ns = max(sample.t_arrival_ns, self._imu_arrival_ns or 0)
+        self._newest_sample_ns = sample.t_sample_ns
         self._imu_silent = False
         self._motion.add_sample(sample)
         attitude = self._attitude.add_sample(sample)
@@ -139,22 +141,23 @@ class Pipeline:
         yield self._without_frame(t_ns, Reason.NO_IMU)
 
     def _imu_reaches(self, frame: Frame) -> bool:
-        newest_ns = self._attitude.newest_ns
-        return newest_ns is not None and newest_ns > frame.header.t_exposure_ns
+        return self._newest_sample_ns is not None and self._newest_sample_ns > frame.header.t_exposure_ns
 
     def _estimate_ground(self, frame: Frame) -> Iterator[GroundPlane]:
         self._waiting = None
-        if self._motion.add_frame(frame):
+        contradiction, discard = self._motion.add_frame(frame)
+        if discard:
             self._attitude.roll_back()
-        yield self._ground_of(frame)
-        if self._motion.finish_frame():
+        yield self._ground_of(frame, contradiction)
+        contradiction, discard = self._motion.finish_frame()
+        if discard:
             self._attitude.roll_back(gyro_agrees=self._motion.gyro_agrees)
-        if self._motion.reason is Reason.NONE:
+        if contradiction is Reason.NONE:
             self._attitude.checkpoint()
 
-    def _ground_of(self, frame: Frame) -> GroundPlane:
-        if self._motion.reason is not Reason.NONE:
-            return self._ground.invalid(frame, self._motion.reason)
+    def _ground_of(self, frame: Frame, contradiction: Reason) -> GroundPlane:
+        if contradiction is not Reason.NONE:
+            return self._ground.invalid(frame, contradiction)
         attitude = None if self._imu_silent else self._attitude.at(frame.header.t_exposure_ns)
         if attitude is None:
             reason = self._attitude.reason

@@ -35,11 +35,6 @@ class AttitudeTrack:
         self._recent: deque[Sample] = deque(maxlen=_MOST_RECENT)
 
     @property
-    def newest_ns(self) -> int | None:
-        """Return the time of the last sample taken, or None before the first."""
-        return self._newest_ns
-
-    @property
     def reason(self) -> Reason:
         """Return why there is no attitude now, or NONE."""
         return self._filter.reason

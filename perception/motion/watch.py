@@ -3,10 +3,19 @@
 And one eye beside the other: what they see of a corner must lie on one epipolar line.
 """
 
+from typing import NamedTuple
+
 from messages import Calibration, Frame, ImuSample, Reason, StereoFrame, UnitCalibration
 from perception.attitude.imu_model import corrected
 from perception.motion.consistency import ConsistencyMonitor, Subject, Verdict
 from perception.motion.ego_motion import VisualOdometer
+
+
+class Judgement(NamedTuple):
+    """Why camera and IMU may not be used together, or NONE; and whether to discard what the IMU gave until now."""
+
+    reason: Reason
+    discard: bool
 
 
 class MotionWatch:
@@ -54,22 +63,24 @@ class MotionWatch:
         if self._monitor is not None and not sample.clipped:
             self._monitor.add_sample(sample.t_sample_ns, *corrected(sample, self._imu))
 
-    def add_frame(self, frame: Frame) -> bool:
-        """Take a frame and judge its step; return whether what the IMU gave until now should be discarded."""
+    def add_frame(self, frame: Frame) -> Judgement:
+        """Take a frame and judge its step."""
         if self._monitor is None or self._odometer is None or not isinstance(frame, StereoFrame):
-            return False
+            return Judgement(self.reason, discard=False)
         if frame.left.shape[::-1] != self._odometer.raw_size_px:
-            return False
+            return Judgement(self.reason, discard=False)
         motion = self._odometer.add_frame(frame.header.t_exposure_ns, frame.left, frame.right)
-        return self._monitor.add_motion(motion, self._odometer.newest)
+        discard = self._monitor.add_motion(motion, self._odometer.newest)
+        return Judgement(self.reason, discard)
 
-    def finish_frame(self) -> bool:
-        """Judge the last second and prepare the next frame, after the estimate has left; return as `add_frame` does."""
+    def finish_frame(self) -> Judgement:
+        """Judge the last second and prepare the next frame, once the estimate has left."""
         if self._monitor is None or self._odometer is None:
-            return False
+            return Judgement(self.reason, discard=False)
         self._odometer.prepare_next()
         self._check_alignment(self._odometer.skew_px)
-        return self._monitor.update_verdicts()
+        discard = self._monitor.update_verdicts()
+        return Judgement(self.reason, discard)
 
     def _check_alignment(self, skew_px: float) -> None:
         if abs(skew_px) > self.most_skew_px:

@@ -32,14 +32,13 @@ def add_all(track: AttitudeTrack, motion: Motion) -> list[Attitude]:
     ]
 
 
-def test_forgetting_leaves_no_number_until_the_filter_has_started_again() -> None:
+def test_rolling_back_leaves_no_number_until_the_filter_has_started_again() -> None:
     track, motion = AttitudeTrack(CALIBRATION), hip_motion([], 8.0, seed=1)
-    assert add_all(track, motion.between(0.0, 3.0))[-1].status is Status.VALID
-    newest_ns = track.newest_ns
-    assert newest_ns is not None
+    newest = add_all(track, motion.between(0.0, 3.0))[-1]
+    assert newest.status is Status.VALID
+    assert track.at(newest.t_sample_ns) is not None
     track.roll_back()
-    assert track.at(newest_ns) is None
-    assert track.newest_ns == newest_ns
+    assert track.at(newest.t_sample_ns) is None
     assert track.reason is Reason.STARTING
     attitudes = add_all(track, motion.between(3.0, 8.0))
     starting = [attitude for attitude in attitudes if attitude.status is not Status.VALID]

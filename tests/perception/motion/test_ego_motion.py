@@ -8,7 +8,7 @@ import pytest
 
 from messages import Reason, StereoFrame
 from perception.motion.ego_motion import EgoMotion, VisualOdometer
-from perception.motion.watch import MotionWatch
+from perception.motion.watch import Judgement, MotionWatch
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
@@ -77,7 +77,7 @@ def test_pictures_without_texture_or_with_exchanged_eyes_tell_nothing(
 def test_a_watch_takes_no_notice_of_frames_of_another_size(wearer: SimulatedWearer, frames: list[StereoFrame]) -> None:
     watch = MotionWatch(wearer.calibration)
     small = msgspec.structs.replace(frames[0], left=frames[0].left[::2, ::2], right=frames[0].right[::2, ::2])
-    assert not watch.add_frame(small)
+    assert watch.add_frame(small) == Judgement(Reason.NONE, discard=False)
     assert watch.contradictions == ()
 
 
@@ -90,7 +90,6 @@ def test_an_eye_that_has_slipped_is_named_at_once_and_forgiven_after_three_pairs
         slipped = 3 <= k < 8
         lowered = msgspec.structs.replace(frame, right=np.roll(frame.right, lower_px, axis=0))
         watch.add_frame(lowered if slipped else frame)
-        watch.finish_frame()
-        reasons.append(watch.reason)
+        reasons.append(watch.finish_frame().reason)
     misaligned = [reason is Reason.EYES_MISALIGNED for reason in reasons]
     assert misaligned == [False] * 3 + [True] * 7 + [False] * 2
