@@ -1,4 +1,4 @@
-"""Does the IMU feel the motion that the camera sees? What the whole pipeline makes of each contradiction, and of none.
+"""Does the IMU measure the motion that the camera sees? What the pipeline makes of each contradiction, and of none.
 
     python -m benchmarks.consistency [--seeds 31 32 …] [--scenario mixed] [--seconds 12]
 

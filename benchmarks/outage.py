@@ -47,8 +47,8 @@ def rig_motion(seed: int, scenario_name: str, seconds: float) -> tuple[Motion, R
     wearer = SimulatedWearer(seed, scenario(scenario_name), _POWER_ON_NS)
     samples = ImuBench(motion=wearer.gait.imu, unit=wearer.unit.chip, seed=seed).opened().run(seconds)
     t_ns = np.array([sample.t_sample_ns for sample in samples])
-    felt = [corrected(sample, wearer.calibration.imu) for sample in samples]
-    sf_B, w_B = np.array([imu.sf_B_mps2 for imu in felt]), np.array([imu.w_WB_B_radps for imu in felt])
+    calibrated = [corrected(sample, wearer.calibration.imu) for sample in samples]
+    sf_B, w_B = np.array([imu.sf_B_mps2 for imu in calibrated]), np.array([imu.w_WB_B_radps for imu in calibrated])
     return Motion(t_ns, sf_B, w_B, wearer.gait.at(t_ns).R_WB), wearer.calibration.residual
 
 

@@ -128,7 +128,7 @@ def test_every_sample_is_delivered_or_counted(rig: ImuRig) -> None:
     )
 
 
-def test_an_imu_at_rest_feels_gravity_and_nothing_else(rig: ImuRig) -> None:
+def test_an_imu_at_rest_measures_gravity_and_nothing_else(rig: ImuRig) -> None:
     samples = rig.run(1.0)
     for sample in samples:
         assert np.linalg.norm(sample.sf_B_mps2) == pytest.approx(9.8, rel=0.05)

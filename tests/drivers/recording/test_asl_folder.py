@@ -299,7 +299,7 @@ def test_the_real_folder() -> None:
     assert (counts[ImuSample], counts[StereoFrame], counts[DroppedFrame]) == (14_000, 10, 0)
     samples = [message for message in inputs if isinstance(message, ImuSample)]
     assert all(message.lost_before == 0 for message in samples)
-    # At rest the accelerometer feels gravity, upwards in the world of the truth.
+    # At rest the accelerometer measures gravity, upwards in the world of the truth.
     track = folder.truth_attitude()
     assert track is not None
     w, x, y, z = track.q_WB[0]

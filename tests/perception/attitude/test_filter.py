@@ -230,7 +230,7 @@ def turned(motion: Motion, angle_deg: float) -> Motion:
     return Motion(motion.t_ns, motion.sf_B @ R_BT, motion.w_B @ R_BT, motion.R_WB @ R_BT)
 
 
-def test_forgets_all_but_the_calibration() -> None:
+def test_reset_keeps_only_the_calibration() -> None:
     motion = with_mpu6050_noise(hip_motion([(5.0, 40.0)], 40.0, seed=19), seed=19)
     filter_ = fed(motion.between(0.0, 15.0))
     filter_.reset()

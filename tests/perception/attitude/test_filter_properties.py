@@ -1,4 +1,4 @@
-"""Whatever goes missing, clips or is forgotten: the attitude never claims to be right where it is wrong, and recovers.
+"""Whatever goes missing, clips or is was_reset: the attitude never claims to be right where it is wrong, and recovers.
 
 Wrong is a tilt error beyond both 3° and 4 σ of what is stated.
 """
@@ -44,7 +44,7 @@ def without(motion: Motion, gaps: list[tuple[float, float]]) -> Motion:
     return motion.of(kept)
 
 
-def judge(motion: Motion, clips: list[tuple[float, int]], forget_s: float) -> tuple[int, float]:
+def judge(motion: Motion, clips: list[tuple[float, int]], reset_s: float) -> tuple[int, float]:
     """Return how many VALID attitudes were wrong, and the longest time without a VALID one while samples came."""
     t_s = 1e-9 * (motion.t_ns - motion.t_ns[0])
     flagged = np.zeros(len(t_s), dtype=bool)
@@ -55,13 +55,13 @@ def judge(motion: Motion, clips: list[tuple[float, int]], forget_s: float) -> tu
         sf_B[first : first + count] *= 0.8
     motion = replace(motion, sf_B=sf_B)
     attitude = AttitudeFilter(AttitudeSettings(), CALIBRATED)
-    wrong, waited_s, longest_s, forgotten = 0, 0.0, 0.0, False
+    wrong, waited_s, longest_s, was_reset = 0, 0.0, 0.0, False
     for i, (t_ns, sf, w) in enumerate(
         zip(motion.t_ns.tolist(), motion.sf_B.tolist(), motion.w_B.tolist(), strict=True)
     ):
-        if t_s[i] >= forget_s and not forgotten:
+        if t_s[i] >= reset_s and not was_reset:
             attitude.reset()
-            forgotten = True
+            was_reset = True
         attitude.update(t_ns, tuple(sf), tuple(w), bool(flagged[i]))
         step_s = float(t_s[i] - t_s[i - 1]) if i else 0.0
         waited_s = waited_s + step_s if attitude.status is not Status.VALID and step_s < 0.15 else 0.0
@@ -78,14 +78,14 @@ def judge(motion: Motion, clips: list[tuple[float, int]], forget_s: float) -> tu
 def test_after_any_outages_and_clipping_never_wrong_and_soon_valid(
     name: str, seed: int, gaps: list[tuple[float, float]], clips: list[tuple[float, int]]
 ) -> None:
-    wrong, longest_s = judge(without(walk(name, seed), gaps), clips, forget_s=np.inf)
+    wrong, longest_s = judge(without(walk(name, seed), gaps), clips, reset_s=np.inf)
     assert wrong == 0
     assert longest_s < (LONGEST_RECOVERY_S if name != "walking" else 5.5)  # a start in motion knows no bias
 
 
 @settings(max_examples=10, deadline=None)
-@given(name=walks, seed=seeds, forget_s=st.floats(3.0, 14.0))
-def test_after_forgetting_never_wrong_and_valid_in_time(name: str, seed: int, forget_s: float) -> None:
-    wrong, longest_s = judge(walk(name, seed), [], forget_s)
+@given(name=walks, seed=seeds, reset_s=st.floats(3.0, 14.0))
+def test_after_a_reset_never_wrong_and_valid_in_time(name: str, seed: int, reset_s: float) -> None:
+    wrong, longest_s = judge(walk(name, seed), [], reset_s)
     assert wrong == 0
     assert longest_s < 8.0

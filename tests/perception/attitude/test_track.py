@@ -64,7 +64,7 @@ def test_attitudes_in_retrospect_are_right_and_do_not_reach_across_a_gap() -> No
     assert np.degrees(np.linalg.norm(error)) < 6.0
 
 
-def test_what_contradicted_is_forgotten_back_to_what_was_kept() -> None:
+def test_what_contradicted_is_rolled_back_to_the_checkpoint() -> None:
     track, motion = AttitudeTrack(CALIBRATION), hip_motion([(2.0, 12.0)], 12.0, seed=3)
     for second in range(7):
         add_all(track, motion.between(float(second), second + 1.0))

@@ -1,4 +1,4 @@
-"""CameraMotion and felt motion: lag, misfit, gain and gravity of a walk whose truth is known."""
+"""The camera's and the IMU's motion: lag, misfit, gain and gravity of a walk whose truth is known."""
 
 from dataclasses import replace
 
@@ -35,7 +35,7 @@ def stretch(noise: float = 0.0, late_ns: int = 0) -> tuple[CameraMotion, ImuMoti
     )
 
 
-def test_what_is_seen_and_felt_of_one_motion_is_the_same() -> None:
+def test_camera_and_imu_agree_on_one_motion() -> None:
     sight, feeling = stretch()
     rates, velocities = rate_misfit(sight, feeling, 0.0), velocity_misfit(sight, feeling, 0.0)
     assert rates.swing_radps.min() > 0.15

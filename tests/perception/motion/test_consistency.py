@@ -159,7 +159,7 @@ def test_a_contradiction_is_not_forgiven_while_nothing_is_seen(calibration: Cali
     [(WALKING_NS + S, 3.5, 1), (WALKING_NS + S, 0.6, 0), (START_NS + S // 2, 1.0, 0)],
     ids=["walking", "walking, briefly", "standing"],
 )
-def test_what_moved_while_no_picture_came_is_forgotten(
+def test_what_moved_while_no_picture_came_is_discarded(
     calibration: Calibration, gone_from_ns: int, gone_s: float, restarts: int
 ) -> None:
     monitor, counted = ConsistencyMonitor(calibration, np.eye(3)), 0

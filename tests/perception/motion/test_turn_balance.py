@@ -1,4 +1,4 @@
-"""The turn felt beside the turn seen: a contradiction within a step or two, no false one, forgiven in half a second."""
+"""The IMU's turn beside the camera's: a contradiction within a step or two, no false one, ended in half a second."""
 
 import math
 
@@ -23,7 +23,7 @@ def turn(felt_radps: np.ndarray, seen_radps: np.ndarray) -> Turn:
 
 
 def walked(balance: TurnBalance, steps: range, seed: int, wrong: np.ndarray, bias: np.ndarray) -> list[bool]:
-    """Let a walker's steps be felt `wrong` times as they are plus `bias`; return after which they contradicted."""
+    """Let the IMU measure steps `wrong` times as they are plus `bias`; return after which they contradicted."""
     chance, said = np.random.default_rng([seed, steps.start]), []
     for k in steps:
         told = turn(wrong * walking(k, seed) + bias, walking(k, seed) + chance.normal(0.0, NOISE_RADPS, 3))

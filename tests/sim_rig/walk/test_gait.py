@@ -44,7 +44,7 @@ def test_position_velocity_and_acceleration_never_jump() -> None:
     assert np.abs(np.diff(motion.a_WB_mps2, axis=0)).max() < 0.8
 
 
-def test_standing_feels_gravity_alone_and_hardly_moves() -> None:
+def test_standing_measures_gravity_alone_and_hardly_moves() -> None:
     gait = gait_of(scenario("mixed"))
     motion = gait.at(seconds(*np.linspace(-3.0, 2.4, 500)))
     assert motion.standing.all()
