@@ -111,7 +111,7 @@ class Pipeline:
         self._report_silence_at_ns = self._camera_due_ns = self._frame_arrival_ns + SILENCE_NS
         refusal = self._frame_guard.check(frame.header, frame.images)
         if refusal is not Reason.NONE:
-            yield self._ground.invalid(frame, refusal)
+            yield self._no_ground(frame.header.t_exposure_ns, frame.header.seq, refusal)
             return
         self._waiting = frame
         if self._imu_reaches(frame):
@@ -131,14 +131,15 @@ class Pipeline:
             self._report_silence_at_ns += FRAME_PERIOD_NS * (1 + (t_ns - self._report_silence_at_ns) // FRAME_PERIOD_NS)
             if t_ns - self._frame_arrival_ns > OTHER_CAMERA_NS:
                 self._frame_guard.reset_timing()
-            yield self._without_frame(t_ns, Reason.STARTING if t_ns < self._camera_due_ns else Reason.NO_FRAME)
+            reason = Reason.STARTING if t_ns < self._camera_due_ns else Reason.NO_FRAME
+            yield self._no_ground(t_ns, NO_FRAME_SEQ, reason)
 
     def _report_imu_silence(self, t_ns: int) -> Iterator[Estimate]:
         if self._imu_silent or self._imu_arrival_ns is None or t_ns - self._imu_arrival_ns <= IMU_SILENCE_NS:
             return
         self._imu_silent = True
         yield self._attitude.invalid_at(t_ns)
-        yield self._without_frame(t_ns, Reason.NO_IMU)
+        yield self._no_ground(t_ns, NO_FRAME_SEQ, Reason.NO_IMU)
 
     def _imu_reaches(self, frame: Frame) -> bool:
         return self._newest_sample_ns is not None and self._newest_sample_ns > frame.header.t_exposure_ns
@@ -156,12 +157,13 @@ class Pipeline:
             self._attitude.checkpoint()
 
     def _ground_of(self, frame: Frame, contradiction: Reason) -> GroundPlane:
+        t_ns, seq = frame.header.t_exposure_ns, frame.header.seq
         if contradiction is not Reason.NONE:
-            return self._ground.invalid(frame, contradiction)
-        attitude = None if self._imu_silent else self._attitude.at(frame.header.t_exposure_ns)
+            return self._no_ground(t_ns, seq, contradiction)
+        attitude = None if self._imu_silent else self._attitude.at(t_ns)
         if attitude is None:
             reason = self._attitude.reason
-            return self._ground.invalid(frame, Reason.NO_IMU if reason is Reason.NONE else reason)
+            return self._no_ground(t_ns, seq, Reason.NO_IMU if reason is Reason.NONE else reason)
         return self._ground.estimate(
             frame,
             attitude.R_WB,
@@ -171,10 +173,10 @@ class Pipeline:
             reduced=self._load is Load.REDUCED,
         )
 
-    def _without_frame(self, t_ns: int, reason: Reason) -> GroundPlane:
+    def _no_ground(self, t_ns: int, seq: int, reason: Reason) -> GroundPlane:
         return GroundPlane.invalid(
             t_exposure_ns=t_ns,
-            frame_seq=NO_FRAME_SEQ,
+            frame_seq=seq,
             reason=reason,
             ahead_m=self._foothold.ahead_m,
             calibration_id=self._calibration_id,

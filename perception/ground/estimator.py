@@ -42,11 +42,11 @@ class GroundEstimator:
         With `reduced` only the middle half of the region's width is matched.
         """
         if tuple(image.shape[::-1] for image in frame.images) != tuple(self._meter.camera.image_sizes_px):
-            return self.invalid(frame, Reason.WRONG_SIZE)
+            return self._invalid(frame, Reason.WRONG_SIZE)
         R_WC = R_WB @ self._R_BC
         R_WH = heading(R_WC)
         if R_WH is None:
-            return self.invalid(frame, Reason.FOOTHOLD_OUT_OF_VIEW)
+            return self._invalid(frame, Reason.FOOTHOLD_OUT_OF_VIEW)
         t_ns = frame.header.t_exposure_ns
         expected = self._tracker.predicted(t_ns, R_WH)
         w_WC_C_radps = self._R_BC.T @ np.array(w_WB_B_radps)
@@ -61,12 +61,12 @@ class GroundEstimator:
         if measured.fit is None:
             suspected = isinstance(frame, StereoFrame) and self._swap_watch.suspects(measured.reason)
             swapped = suspected and measure(swapped=True).fit is not None
-            return self.invalid(frame, self._swap_watch.verdict(measured.reason, swapped), measured.matched_share)
+            return self._invalid(frame, self._swap_watch.verdict(measured.reason, swapped), measured.matched_share)
         self._swap_watch.clear()
         attitude_cov_W = _of_slopes(rotation_cov_W_rad2)
         tracked = self._tracker.updated(t_ns, measured.fit, measured.matched_share, R_WH, attitude_cov_W)
         if tracked is None:
-            return self.invalid(frame, Reason.NOT_PLANAR, measured.matched_share)
+            return self._invalid(frame, Reason.NOT_PLANAR, measured.matched_share)
         plane, plane_cov = tracked
         cov = _slope_cov(plane, plane_cov + measured.lasting_cov)
         cov[:2, :2] += _of_slopes(R_WH.T @ rotation_cov_W_rad2 @ R_WH) + self._mounting_cov(w_WB_B_radps)
@@ -86,7 +86,7 @@ class GroundEstimator:
             calibration_id=self._calibration_id,
         )
 
-    def invalid(self, frame: Frame, reason: Reason, matched_share: float = float("nan")) -> GroundPlane:
+    def _invalid(self, frame: Frame, reason: Reason, matched_share: float = float("nan")) -> GroundPlane:
         """Return the estimate that says only why `frame` gives none."""
         return GroundPlane.invalid(
             t_exposure_ns=frame.header.t_exposure_ns,
