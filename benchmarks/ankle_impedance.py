@@ -17,14 +17,14 @@ from impedance.ankle.impedance import AXES, identify, spline
 from impedance.ankle.motion import bodies_of, motion_of
 from impedance.ankle.trial import Perturbation
 from messages.arrays import BoolArray, FloatArray
-from sim_rig.platform.ankle import AT_15_DB, FLAT_FOOT, SEED_NOISE, AnkleNoise, AnkleRun, measured, walk
+from sim_rig.platform.ankle import AT_15_DB, FLAT_FOOT, SENSOR_NOISE, AnkleNoise, AnkleRun, measured, walk
 from sim_rig.platform.ankle_person import person
 
 CASES = (
     ("random, 10 cycles, 15 dB", Perturbation.RANDOM, 10, 0, AT_15_DB),
-    ("random, 10 cycles, the sensors' own noise", Perturbation.RANDOM, 10, 0, SEED_NOISE),
+    ("random, 10 cycles, the sensors' own noise", Perturbation.RANDOM, 10, 0, SENSOR_NOISE),
     ("ramps, 10 cycles + 10 unperturbed, 15 dB", Perturbation.RAMP, 10, 10, AT_15_DB),
-    ("ramps, 10 cycles + 10 unperturbed, the sensors' own noise", Perturbation.RAMP, 10, 10, SEED_NOISE),
+    ("ramps, 10 cycles + 10 unperturbed, the sensors' own noise", Perturbation.RAMP, 10, 10, SENSOR_NOISE),
 )
 _BOUND_SPLINES = 5
 _MEAN_OF_NORMAL = float(np.sqrt(2.0 / np.pi))

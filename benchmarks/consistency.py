@@ -4,7 +4,7 @@
 
 Each unit's walk is rendered once; the contradictions are then made of its samples and stamps. Times are in seconds of
 CLOCK_MONOTONIC: from the fault's begin to the first ground that flags it, and from its end to the first valid one of
-`STEADY_S` without a flag. Wrong is what `lab.faults.judgement` calls so.
+`STEADY_S` without a flag. Wrong is what `lab.faults.criteria` calls so.
 """
 
 import argparse
@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 
 from daemon.pipeline import Pipeline
-from lab.faults.judgement import errors_of, flags
+from lab.faults.criteria import errors_of, flags
 from messages import Frame, GroundPlane, GroundTruth, ImuSample, Input, Status, StereoFrame, vec3
 from messages.arrays import FloatArray, column_rms
 from perception.ground.foothold import FootholdSettings

@@ -3,7 +3,7 @@
     python -m benchmarks.ground
 
 - this project: the foothold region alone, three-way matching at half size, robust fit in disparity space;
-- the seed: semi-global matching of the whole frame at full size, least squares on z (its Eq. 8) over the region;
+- the thesis: semi-global matching of the whole frame at full size, least squares on z (its Eq. 8) over the region;
 - consensus: the same matching, RANSAC on points (1 cm), then least squares; the usual recipe.
 """
 
@@ -78,7 +78,7 @@ def this_project(wearer: SimulatedWearer) -> Method:
 
 
 def whole_frame(wearer: SimulatedWearer, *, consensus: bool) -> Method:
-    """Return the seed's way, with or without consensus before the least squares."""
+    """Return the thesis's way, with or without consensus before the least squares."""
     rectifier = Rectifier(wearer.calibration.stereo, 1)
     whole = Window(0, rectifier.height_px, 0, rectifier.width_px)
     rays_C = rectifier.rays_C(whole)
@@ -99,7 +99,7 @@ def whole_frame(wearer: SimulatedWearer, *, consensus: bool) -> Method:
 
 
 def least_squares(points: FloatArray) -> Plane:
-    """Return the plane of the seed's Eq. (8) through points (N, 3)."""
+    """Return the plane of the thesis's Eq. (8) through points (N, 3)."""
     A = np.column_stack((points[:, :2], -np.ones(len(points))))
     (a, b, h), *_ = np.linalg.lstsq(A, points[:, 2], rcond=None)
     return Plane((float(a), float(b)), float(h))
@@ -129,7 +129,7 @@ def main() -> None:
         wearer, frames = scenes(seed)
         methods = {
             "this project": this_project(wearer),
-            "seed, Eq. 8": whole_frame(wearer, consensus=False),
+            "thesis, Eq. 8": whole_frame(wearer, consensus=False),
             "consensus": whole_frame(wearer, consensus=True),
         }
         for scene in frames:

@@ -18,8 +18,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from lab.faults.daemon_under_test import DaemonUnderTest
 from lab.faults.report import Process
-from lab.faults.stage import Stage
 
 _SETTLED_S = 60.0
 _LOSSES = ("imu_lost", "imu_refused", "inbox_dropped", "recorder_dropped", "can_errors", "zenoh_errors")
@@ -33,31 +33,31 @@ def main() -> None:
     options = parser.parse_args()
     with (
         tempfile.TemporaryDirectory(prefix="gaiteyes-soak-") as folder,
-        closing(Stage(options.seed, Path(folder))) as stage,
+        closing(DaemonUnderTest(options.seed, Path(folder))) as daemon,
     ):
-        stage.start(msgspec.structs.replace(stage.plan, record=Path("/dev/null")))
-        stage.around.start_subscribers(4)
-        if not stage.settle(in_motion=False):
+        daemon.start(msgspec.structs.replace(daemon.plan, record=Path("/dev/null")))
+        daemon.around.start_subscribers(4)
+        if not daemon.settle(in_motion=False):
             raise SystemExit("the ground does not become steady")
         looks: list[tuple[float, Process]] = []
         began_s = time.monotonic()
-        stage.begin_free()
+        daemon.begin_free()
         while not looks or looks[-1][0] < options.seconds:
-            stage.listen(options.every)
-            stage.end_free()
-            looks.append((time.monotonic() - began_s, stage.look()))
-            stage.begin_free()
-            _tell(stage, looks)
+            daemon.listen(options.every)
+            daemon.end_free()
+            looks.append((time.monotonic() - began_s, daemon.look()))
+            daemon.begin_free()
+            _tell(daemon, looks)
 
 
-def _tell(stage: Stage, looks: Sequence[tuple[float, Process]]) -> None:
+def _tell(daemon: DaemonUnderTest, looks: Sequence[tuple[float, Process]]) -> None:
     seconds, process = looks[-1]
-    counted = stage.counted()
+    counted = daemon.counted()
     losses = ", ".join(f"{name} {counted[name]}" for name in _LOSSES)
     print(
         f"{seconds:7.0f} s  {process.memory_mb[1]:6.1f} MB, {_growth_mb_per_h(looks):+.2f} MB/h  "
         f"{process.threads[1]} threads  {process.open_files[1]} files  "
-        f"valid {100 * stage.free.valid_share:.2f} %, wrong {stage.free.wrong}, stale {stage.free.stale}  {losses}",
+        f"valid {100 * daemon.free.valid_share:.2f} %, wrong {daemon.free.wrong}, stale {daemon.free.stale}  {losses}",
         flush=True,
     )
 

@@ -29,7 +29,7 @@ def zed(
     mode: Annotated[Mode, typer.Option(help="Resolution the camera will run at; HD is 1280x720.")] = Mode.HD,
     into: Annotated[Path | None, typer.Option(help="Take all but the stereo pair from this calibration file.")] = None,
     out: Annotated[Path, typer.Option(help="File to write; it may be the one of --into.")] = Path("calibration.yaml"),
-    unit: Annotated[str | None, typer.Option(help="Name of the unit; by default it tells where it comes from.")] = None,
+    unit: Annotated[str | None, typer.Option(help="Name of the unit; by default made of the file's name.")] = None,
     json: JsonFile = None,
 ) -> None:
     """Import a ZED's factory calibration; without --into the rest is nominal, not fit to walk on."""
@@ -57,16 +57,18 @@ def zed(
         f"{out}: unit '{made.unit}', calibration {made.id}",
         ["", "value"],
         [
-            ["one eye", f"{lens.width_px}x{lens.height_px} px, f {lens.fx_px:.1f} px"],
+            ["each camera", f"{lens.width_px}x{lens.height_px} px, f {lens.fx_px:.1f} px"],
             ["baseline", f"{-1e3 * made.stereo.X_RL.p_m[0]:.2f} mm"],
-            ["row time, unchecked", f"{1e6 * made.stereo.row_time_s:.1f} µs"],
-            ["stamp to mid-exposure, unchecked", f"{1e3 * made.stereo.stamp_to_mid_exposure_s:+.1f} ms"],
-            ["time, one σ", f"{1e3 * residual.time_s:.1f} ms"],
-            ["camera to IMU, one σ", f"{math.degrees(residual.camera_to_imu_rad):.2f}°"],
-            ["accelerometer, one σ", f"{1e3 * residual.specific_force_mps2 / STANDARD_GRAVITY_MPS2:.1f} mg"],
+            ["row time, not verified", f"{1e6 * made.stereo.row_time_s:.1f} µs"],
+            ["time stamp to mid-exposure, not verified", f"{1e3 * made.stereo.stamp_to_mid_exposure_s:+.1f} ms"],
+            ["time error, one σ", f"{1e3 * residual.time_s:.1f} ms"],
+            ["camera to IMU rotation error, one σ", f"{math.degrees(residual.camera_to_imu_rad):.2f}°"],
+            ["accelerometer error, one σ", f"{1e3 * residual.specific_force_mps2 / STANDARD_GRAVITY_MPS2:.1f} mg"],
         ],
     )
     if into is None:
-        console.print("IMU and mounting are nominal: calibrate them before anybody walks on this unit.", soft_wrap=True)
+        console.print(
+            "IMU and mounting have nominal values: calibrate them before anybody walks with this unit.", soft_wrap=True
+        )
     if json is not None:
         write_json(json, {"file": str(out), "id": made.id, "calibration": made})

@@ -1,4 +1,4 @@
-"""`gaiteyes check`: is this unit fit to be worn? Looks at each device for some seconds and says what it finds."""
+"""`gaiteyes check`: is this unit fit to be worn? Watches each device for some seconds and says what it finds."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,11 +8,11 @@ import typer
 
 def check(
     config: Annotated[Path, typer.Option(help="Configuration file (TOML).")] = Path("gaiteyes.toml"),
-    seconds: Annotated[float, typer.Option(min=1.0, max=60.0, help="How long to look at each device.")] = 3.0,
+    seconds: Annotated[float, typer.Option(min=1.0, max=60.0, help="How long to watch each device.")] = 3.0,
     self_test: Annotated[bool, typer.Option(help="Run the IMU's self-test; the unit must lie still.")] = True,
     json: Annotated[Path | None, typer.Option(help="Write the findings for a program.")] = None,
 ) -> None:
-    """Check the devices that the configuration names, one after the other; exit code 1 if one is at fault."""
+    """Check the devices that the configuration names, one after the other; exit code 1 if one is faulty."""
     from collections.abc import Callable, Iterator
     from functools import partial
 
@@ -47,12 +47,12 @@ def check(
     can = partial(checkup.check_can, configuration.can, seconds)
     looks: dict[str, Callable[[], Iterator[Finding]]] = {"IMU": imu, "camera": camera, "CAN": can}
     findings: list[Finding] = []
-    for subject in progress(list(looks), "looking"):
+    for subject in progress(list(looks), "checking"):
         findings += checkup.guarded(subject, looks[subject])
     findings += checkup.check_host()
     table(
         f"{config}, device {configuration.device}, calibration {calibration.id} of unit {calibration.unit}",
-        ["", "verdict", "seen"],
+        ["", "verdict", "found"],
         [[finding.subject, finding.verdict.value, finding.seen] for finding in findings],
         words=True,
     )

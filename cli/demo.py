@@ -7,22 +7,26 @@ import typer
 
 
 def demo(
-    seconds: Annotated[float, typer.Option(min=1.0, help="How long to walk.")] = 60.0,
-    scenario: Annotated[str, typer.Option(help="mixed, level, ramps or standing.")] = "mixed",
-    seed: Annotated[int, typer.Option(min=0, help="Which rig unit and which gait.")] = 1,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Length of the walk.")] = 60.0,
+    scenario: Annotated[str, typer.Option(help="What is walked on: mixed, level, ramps or standing.")] = "mixed",
+    seed: Annotated[int, typer.Option(min=0, help="Number of the simulated unit and of its gait.")] = 1,
     speed: Annotated[float, typer.Option(help="Walking speed, m/s.")] = 1.2,
     cadence: Annotated[float, typer.Option(help="Steps per second.")] = 1.8,
     record: Annotated[
         Path | None, typer.Option(help="Record all inputs, outputs and the truth to this MCAP file.")
     ] = None,
-    last: Annotated[float | None, typer.Option(min=1.0, help="Record only the newest seconds.")] = None,
-    config: Annotated[Path | None, typer.Option(help="Configuration file (TOML); the defaults without.")] = None,
-    can: Annotated[str | None, typer.Option(help="CAN bus as INTERFACE:CHANNEL; the rig's own without.")] = None,
+    last: Annotated[float | None, typer.Option(min=1.0, help="Keep only the last seconds of the recording.")] = None,
+    config: Annotated[
+        Path | None, typer.Option(help="Configuration file (TOML); by default the built-in settings.")
+    ] = None,
+    can: Annotated[str | None, typer.Option(help="CAN bus as INTERFACE:CHANNEL; by default a simulated one.")] = None,
     zenoh: Annotated[str | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
-    perfect_calibration: Annotated[bool, typer.Option(help="No calibration residual (to be labelled so).")] = False,
+    perfect_calibration: Annotated[
+        bool, typer.Option(help="Calibration without its usual errors; results say so.")
+    ] = False,
     json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
 ) -> None:
-    """Walk the simulated wearer in real time and say how well the ground was seen."""
+    """Let the simulated wearer walk in real time and report how accurate the ground estimates were."""
     import time
 
     import msgspec
@@ -35,7 +39,7 @@ def demo(
     from drivers.can.settings import parse_can
     from drivers.imu.mpu6050 import Mpu6050
     from drivers.imu.settings import Mpu6050Settings
-    from lab.evaluation.referee import Referee
+    from lab.evaluation.truth_observer import TruthObserver
     from messages import Source
     from sim_rig.can.slcan_hub import open_hub
     from sim_rig.walk.scenario import Pace
@@ -65,7 +69,7 @@ def demo(
         if record is not None:
             recorder = open_recorder(record, configuration, wearer.calibration, Source.SIMULATED, last)
         tally = Tally()
-        referee = Referee(wearer, configuration.foothold, recorder)
+        observer = TruthObserver(wearer, configuration.foothold, recorder)
         service = build_service(
             configuration,
             wearer.calibration,
@@ -74,11 +78,11 @@ def demo(
             camera,
             outlets,
             recorder,
-            [tally, referee],
+            [tally, observer],
             background={} if hub is None else {"can-hub": hub.serve},
             priorities=config is not None and configuration.realtime.priorities,
         )
-        with stopped_by_signals(service), LiveStatus(tally, referee) as live:
+        with stopped_by_signals(service), LiveStatus(tally, observer) as live:
             service.run(seconds, status=live.refresh)
     finally:
         wearer.close()
@@ -86,7 +90,7 @@ def demo(
             hub.close()
 
     facts = tally.summary(service.latency, service.beats_skipped)
-    scores = referee.scoreboard.summary()
+    scores = observer.scoreboard.summary()
     summary_tables(facts)
     label = "perfect calibration" if perfect_calibration else "calibration with its stated residual"
     score_table(f"Ground against truth: {walk.name}, unit {seed}, {label}", scores)

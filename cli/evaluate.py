@@ -12,7 +12,7 @@ JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the same fa
 
 @evaluate.command()
 def motorcycle(json: JsonFile = None) -> None:
-    """A real stereo photograph: the floor as matched beside the floor in its true disparity."""
+    """A real stereo photograph: the floor as this project measures it, beside the floor in its true disparity."""
     from cli.console import table, write_json
     from lab.evaluation.real_pair import compare_floor, load
 
@@ -32,11 +32,13 @@ def motorcycle(json: JsonFile = None) -> None:
 
 @evaluate.command()
 def rig(
-    seeds: Annotated[str, typer.Option(help="Rig units, one walk each: a list such as 1,2,5 or a range 1-8.")] = "1-4",
+    seeds: Annotated[str, typer.Option(help="Simulated units, one walk each: 1,2,5 or 1-8.")] = "1-4",
     seconds: Annotated[float, typer.Option(min=5.0, help="Length of each walk.")] = 60.0,
-    scenario: Annotated[str, typer.Option(help="What is walked; see `gaiteyes demo --help`.")] = "mixed",
-    camera: Annotated[str, typer.Option(help="What the wearer sees with: stereo or depth.")] = "stereo",
-    perfect_calibration: Annotated[bool, typer.Option(help="No calibration residual (to be labelled so).")] = False,
+    scenario: Annotated[str, typer.Option(help="What is walked on; see `gaiteyes demo --help`.")] = "mixed",
+    camera: Annotated[str, typer.Option(help="The wearer's camera: stereo or depth.")] = "stereo",
+    perfect_calibration: Annotated[
+        bool, typer.Option(help="Calibration without its usual errors; results say so.")
+    ] = False,
     json: JsonFile = None,
 ) -> None:
     """The simulated wearer offline: slope and height error on each kind of ground, for several units."""

@@ -34,12 +34,12 @@ def _command(system: str) -> Callable[..., None]:
         recording: Annotated[Path, typer.Argument(help="Folder of the recording to fit.")],
         out: Annotated[Path, typer.Option(help="Folder for verdict, report, held-out data and extended model.")],
         held_out: Annotated[
-            Path | None, typer.Option(help="Another recording to judge on, else the last 30 % of the first.")
+            Path | None, typer.Option(help="Another recording to test on; by default the last 30 % of the first.")
         ] = None,
         only: Annotated[str, typer.Option(help="Try only these effects, with commas.")] = "",
         without: Annotated[str, typer.Option(help="Leave these effects out of the library, with commas.")] = "",
         report: Annotated[bool, typer.Option(help="Draw report.html, which needs matplotlib.")] = True,
-        seed: Annotated[int, typer.Option(min=0, help="Draws the bootstrap.")] = 1,
+        seed: Annotated[int, typer.Option(min=0, help="Seed of the random resampling for intervals.")] = 1,
         json: Annotated[Path | None, typer.Option("--json", help="Write the verdict into this file too.")] = None,
     ) -> None:
         from cli.console import check_writable, console
@@ -53,14 +53,14 @@ def _command(system: str) -> Callable[..., None]:
         if report:
             check_report()
         tried, left_out = _names(only), _names(without)
-        with console.status("reading") as status:
+        with console.status("reading the recording") as status:
             fit = _loaded(system, recording)
             check_names("--only", tried, fit)
             check_names("--without", left_out, fit)
             other = None if held_out is None else restricted(_loaded(system, held_out), left_out)
-            status.update("searching for what is missing")
+            status.update("searching for effects that the simulation lacks")
             explanation = explained(restricted(fit, left_out), other, seed=seed, only=tried)
-            status.update("writing")
+            status.update("writing the results")
             write(explanation, out, report=report)
         if json is not None:
             _write(json, to_json(explanation.verdict))
@@ -143,8 +143,9 @@ def _print(explanation: "Explanation") -> None:
         console.print(f"- {words(effect.name)}: {effect.explanation} {effect.remedy}", highlight=False, markup=False)
     console.print(
         f"held-out error {share_text(gain.held_out_nrmse_before)} → {share_text(gain.held_out_nrmse_after)}, noise "
-        f"{share_text(gain.noise_floor_nrmse)}; {share_text(gain.share_of_excess_removed)} of the excess removed",
+        f"{share_text(gain.noise_floor_nrmse)}; {share_text(gain.share_of_excess_removed)} of the error's power above "
+        "the noise removed",
         highlight=False,
     )
     if verdict.next_experiment:
-        console.print(f"next: {verdict.next_experiment}", highlight=False, markup=False)
+        console.print(f"next experiment: {verdict.next_experiment}", highlight=False, markup=False)

@@ -1,4 +1,4 @@
-"""`gaiteyes explain court`: hidden effects, drawn by nobody, judged from files alone."""
+"""`gaiteyes explain court`: the finder tested on recordings with hidden effects, which it gets as files alone."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,21 +12,22 @@ if TYPE_CHECKING:
 def court(
     systems: Annotated[str, typer.Option(help="Which systems, with commas.")] = "platform,imu,wearable",
     cases: Annotated[
-        int | None, typer.Option(min=1, help="Cases of each system, else 120 or more: four of every effect.")
+        int | None,
+        typer.Option(min=1, help="Cases of each system; by default 120 or more, at least four of every effect."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the results; what is there already is not run again.")] = Path(
         "court"
     ),
     workers: Annotated[int, typer.Option(min=1, help="Processes on this machine.")] = 2,
     scheduler: Annotated[
-        str | None, typer.Option(help="A dask scheduler's address: its workers in place of this machine's.")
+        str | None, typer.Option(help="A dask scheduler's address: use its workers instead of this machine's.")
     ] = None,
     development: Annotated[
         bool, typer.Option("--development", help="Take the recorded seeds that development may look at.")
     ] = False,
     json: Annotated[Path | None, typer.Option("--json", help="Write the figures for a program.")] = None,
 ) -> None:
-    """Judge the finder on hidden effects: seeds come from the system's entropy and are told only afterwards."""
+    """Test the finder on hidden effects. Their random seeds come from the operating system and are shown afterwards."""
     from cli.console import check_writable, console, write_json
     from lab.court.plan import SYSTEMS, hidden_system, slots
     from lab.court.result import Result
@@ -44,7 +45,7 @@ def court(
     every = [slot for of_system in asked.values() for slot in of_system]
     check_same_court(every, out, development=development)
     done = sum((out / slot.file_name).exists() for slot in every)
-    console.print(f"{len(every)} cases, {done} of them judged before; results in {out}", highlight=False)
+    console.print(f"{len(every)} cases, {done} of them finished before; results in {out}", highlight=False)
 
     def tell(result: Result) -> None:
         nonlocal done
@@ -74,7 +75,12 @@ def _print(scores: "list[SystemScore]") -> None:
         smallest_rows,
     )
 
-    table("Court", rate_columns(scores), rate_rows(scores))
+    table("Results on hidden effects", rate_columns(scores), rate_rows(scores))
     for score in scores:
         table(f"{score.system}: smallest size found", SMALLEST_COLUMNS, smallest_rows(score))
-        table(f"{score.system}: confusion", CONFUSION_COLUMNS, confusion_rows(score), words=True)
+        table(
+            f"{score.system}: what was named for each hidden effect",
+            CONFUSION_COLUMNS,
+            confusion_rows(score),
+            words=True,
+        )

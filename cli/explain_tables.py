@@ -48,11 +48,11 @@ def tables(
     found = judged(Study(out, seed, seconds), Effort(best, random, flips, processes), shown)
     columns = ["cause and its size", "J ≥ 0", "29, 40 Hz", "foot, 67 Hz", "plate", "Jx 0.0", "missed"]
     how = f"RMS misfit in tolerances, {seconds:g} s, seed {seed}"
-    table(f"Alone: {how}", columns, [_row(c) for c in [found.base, *_once(found.singles)[:_SHOWN]]])
-    table(f"Pairs: {how}", columns, [_row(c) for c in _once(found.pairs)[:_SHOWN]])
-    table(f"A third cause, beyond the question: {how}", columns, [_row(c) for c in _once(found.triples)[:_SHOWN]])
-    table(f"Random pairs: {how}", columns, [_row(c) for c in found.random[:_SHOWN]])
-    table("The best, sizes kept, with other torque steps and noise", columns, [_row(c) for c in found.again])
+    table(f"One cause: {how}", columns, [_row(c) for c in [found.base, *_once(found.singles)[:_SHOWN]]])
+    table(f"Two causes: {how}", columns, [_row(c) for c in _once(found.pairs)[:_SHOWN]])
+    table(f"Three causes: {how}", columns, [_row(c) for c in _once(found.triples)[:_SHOWN]])
+    table(f"Two causes drawn at random: {how}", columns, [_row(c) for c in found.random[:_SHOWN]])
+    table("The best, with the same sizes, other torque steps and other noise", columns, [_row(c) for c in found.again])
     _table_of_best(found)
     console.print(f"verdict: {found.verdict}", style="bold", highlight=False)
     for sentence in found.sentences:

@@ -8,13 +8,13 @@ import typer
 
 def faults(
     only: Annotated[str | None, typer.Option(help="Names of faults, or their beginnings, with commas.")] = None,
-    pairs: Annotated[int, typer.Option(min=0, help="How many pairs to draw; none with --only.")] = 30,
+    pairs: Annotated[int, typer.Option(min=0, help="How many pairs of faults to add; none with --only.")] = 30,
     seed: Annotated[int, typer.Option(min=0, help="Draws the pairs, the unit and the gait.")] = 1,
-    show: Annotated[bool, typer.Option("--list", help="Print the catalogue and stop.")] = False,
+    show: Annotated[bool, typer.Option("--list", help="Print all faults and stop.")] = False,
     log: Annotated[Path | None, typer.Option(help="Keep what the daemon logged in this file.")] = None,
-    json: Annotated[Path | None, typer.Option(help="Write all that was found for a program.")] = None,
+    json: Annotated[Path | None, typer.Option(help="Write all results for a program.")] = None,
 ) -> None:
-    """Inject faults into the running daemon at hardware level and measure flags, recoveries and wrong values."""
+    """Inject faults into the daemon's simulated hardware; measure how soon each is flagged, and every wrong value."""
     import shutil
     import signal
     import tempfile
@@ -24,7 +24,7 @@ def faults(
     from lab.faults.catalogue import CATALOGUE, named
     from lab.faults.catalogue import pairs as drawn
     from lab.faults.report import TrialReport
-    from lab.faults.text import COLUMNS, line, listing, row, summary
+    from lab.faults.tables import COLUMNS, line, listing, row, summary
 
     chosen = list(CATALOGUE.values()) if only is None else named(only)
     if show:

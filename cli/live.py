@@ -17,16 +17,18 @@ from daemon.summary import Tally
 from messages import GroundPlane, Status
 
 if TYPE_CHECKING:
-    from lab.evaluation.referee import Referee  # a wearable has no rig
+    from lab.evaluation.truth_observer import TruthObserver  # a wearable has no rig
 
 
 class LiveStatus:
     """Shows the newest ground estimate, beside the truth where there is one."""
 
-    def __init__(self, tally: Tally, referee: Referee | None = None, manager: ServiceManager | None = None) -> None:
+    def __init__(
+        self, tally: Tally, observer: TruthObserver | None = None, manager: ServiceManager | None = None
+    ) -> None:
         self._manager = manager
         self._tally = tally
-        self._referee = referee
+        self._observer = observer
         self._start_s = time.monotonic()
         self._told_s = 0.0
         self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
@@ -65,7 +67,7 @@ class LiveStatus:
         return _numbers(ground) + self._true()
 
     def _true(self) -> str:
-        truth = self._referee.truth if self._referee is not None else None
+        truth = self._observer.truth if self._observer is not None else None
         if truth is None:
             return ""
         kind = ("standing on " if truth.standing else "") + truth.kind + (", at an edge" if truth.transition else "")

@@ -19,8 +19,10 @@ def simulate(
     ramps: Annotated[bool, typer.Option("--ramps", help="One 2° ramp of 75 ms per cycle instead of random.")] = False,
     standing: Annotated[bool, typer.Option("--standing", help="Standing instead of walking.")] = False,
     slope_deg: Annotated[float, typer.Option(min=-10.0, max=10.0, help="Slope of the ground.")] = 0.0,
-    snr_db: Annotated[float | None, typer.Option(help="Noise against the perturbed moment, else the sensors'.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of person, steps and noise.")] = 1,
+    snr_db: Annotated[
+        float | None, typer.Option(help="Signal-to-noise ratio of the moment; by default the sensors' noise.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Draws the person, the steps and the noise.")] = 1,
 ) -> None:
     """Simulate a person on the platform; truth.toml beside the trial holds the true impedance."""
     from impedance.ankle.table import save_table

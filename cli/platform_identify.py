@@ -13,10 +13,10 @@ def identify(
     plate: Annotated[Path | None, typer.Option(help="Recording of the bare plate, to identify the foot.")] = None,
     joint: Annotated[
         bool | None,
-        typer.Option("--joint/--no-joint", help="Trust the universal joint; by default ask the markers."),
+        typer.Option("--joint/--no-joint", help="Assume the universal joint; by default decided from the markers."),
     ] = None,
     weighed: Annotated[
-        bool, typer.Option(help="Believe the plate's stated mass, unless the motion refutes it.")
+        bool, typer.Option(help="Use the plate's stated mass, unless the motion contradicts it.")
     ] = True,
     out: Annotated[Path | None, typer.Option(help="Folder for a report with plots.")] = None,
     json: JsonFile = None,
@@ -40,14 +40,16 @@ def identify(
 
 
 def design(
-    acceleration: Annotated[float, typer.Option(min=1.0, help="Greatest angular acceleration, rad/s².")] = 150.0,
-    rate: Annotated[float, typer.Option(min=0.01, help="Greatest angular rate, rad/s.")] = 3.0,
-    highest: Annotated[float, typer.Option(min=2.0, max=60.0, help="Highest line of the excitation, Hz.")] = 25.0,
-    share: Annotated[float, typer.Option(min=0.001, max=0.5, help="Half of J_yy's 95 % interval.")] = 0.02,
+    acceleration: Annotated[float, typer.Option(min=1.0, help="Maximum angular acceleration, rad/s².")] = 150.0,
+    rate: Annotated[float, typer.Option(min=0.01, help="Maximum angular rate, rad/s.")] = 3.0,
+    highest: Annotated[float, typer.Option(min=2.0, max=60.0, help="Highest frequency of the excitation, Hz.")] = 25.0,
+    share: Annotated[
+        float, typer.Option(min=0.001, max=0.5, help="Wanted half width of J_yy's 95 % interval, as a share.")
+    ] = 0.02,
     seed: Annotated[int, typer.Option(min=0, help="Draws the starts of the search.")] = 1,
     json: JsonFile = None,
 ) -> None:
-    """Design the excitation that tells most of J_yy: least time per amplitude, and what no motion can beat."""
+    """Design the excitation that determines J_yy best: least time per amplitude, and the bound for any motion."""
     import numpy as np
 
     from cli.console import check_writable, progress, table, write_json

@@ -18,15 +18,15 @@ def simulate(
         Path | None, typer.Option(help="Also draw the run: .png, .svg, .pdf, or .gif to animate.")
     ] = None,
     extended: Annotated[
-        Path | None, typer.Option(help="extended.toml of `explain platform`: with its effects and the body it tells.")
+        Path | None, typer.Option(help="extended.toml of `explain platform`: simulate its effects and its body.")
     ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")] = None,
 ) -> None:
     """Simulate the vibrating platform and write what its instruments record.
 
     The truth is written too, into a table that no estimator reads. A recording with the foot states the plate's
-    inertia, as if an earlier run had told it. Effects become mechanics and instruments of the rig by other formulas
-    than the finder's; one that the rig has no mechanism for is refused.
+    inertia, as if an earlier run had told it. Effects are simulated by other
+    formulas than the finder's; one that the rig has no mechanism for is refused.
     """
     import numpy as np
 
@@ -40,8 +40,8 @@ def simulate(
     except ModuleNotFoundError as error:
         raise UserError(f"the platform's simulation needs {error.name}: pip install 'gaiteyes[lab]'") from error
     from discrepancy.report.extended import read_extended
-    from lab.hidden.platform.extension import Run
-    from lab.hidden.platform.extension import extended as simulated_extended
+    from sim_rig.platform.extended.simulate import Run
+    from sim_rig.platform.extended.simulate import extended as simulated_extended
     from sim_rig.platform.picture import draw
     from sim_rig.platform.rig import FOOT, PLATE, THESIS_NOISE, Rig
 

@@ -10,7 +10,9 @@ def tables(
     draws: Annotated[int, typer.Option(min=2, help="Draws of measurement noise.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Draws the actuators' inputs and the noise.")] = 1,
     seconds: Annotated[float, typer.Option(min=2.0, max=600.0, help="Length of each run.")] = 60.0,
-    ablations: Annotated[bool, typer.Option("--ablations", help="One cause at a time beside the anomalies.")] = False,
+    ablations: Annotated[
+        bool, typer.Option("--ablations", help="Show what each single cause changes, beside the printed anomalies.")
+    ] = False,
     json: Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")] = None,
 ) -> None:
     """Reproduce the thesis's Tables 1 and 2 with its own estimator, beside the printed figures.
@@ -33,7 +35,7 @@ def tables(
         from lab.thesis.study import Laboratory
 
         laboratory = Laboratory(seed, seconds)
-        effects = [effect_of(ablation, laboratory, draws) for ablation in progress(ABLATIONS, "ablating")]
+        effects = [effect_of(ablation, laboratory, draws) for ablation in progress(ABLATIONS, "simulating each cause")]
         how = f"errors (kg, mm, g m²) by one cause at a time, {draws} draws, {seconds:g} s, seed {seed}"
         shown = [*printed_effects(), *effects]
         table(f"Foot: {how}", ["cause", *FOOT_SHOWN, "impossible"], map(foot_row, shown))

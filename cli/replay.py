@@ -57,6 +57,6 @@ def replay(
         facts["floor"] = scores = score_floor(frames, replayed.grounds, opened.poses, opened.calibration, foothold)
         floor_table("Floor against the truth's level ground at z = 0", scores)
     if damage is not None:
-        console.print(f"replayed up to the damage: {damage}", style="yellow", soft_wrap=True)
+        console.print(f"replayed up to where the recording is damaged: {damage}", style="yellow", soft_wrap=True)
     if json is not None:
         write_json(json, facts)

@@ -8,15 +8,17 @@ import typer
 
 def run(
     config: Annotated[Path, typer.Option(help="Configuration file (TOML).")] = Path("gaiteyes.toml"),
-    seconds: Annotated[float | None, typer.Option(min=1.0, help="Stop after so long; runs on without.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=1.0, help="Stop after this time; by default run until stopped.")
+    ] = None,
     record: Annotated[Path | None, typer.Option(help="Record all inputs and outputs to this MCAP file.")] = None,
-    last: Annotated[float | None, typer.Option(min=1.0, help="Record only the newest seconds.")] = None,
+    last: Annotated[float | None, typer.Option(min=1.0, help="Keep only the last seconds of the recording.")] = None,
     json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
 ) -> None:
     """Run the daemon on the IMU and the camera that the configuration names.
 
-    Started by hand it ends at once, with one line, if a device is missing; started by a service manager it says so
-    and keeps trying, for nobody is there to start it again.
+    Started by hand it ends at once, with one line, if a device is missing; started by a service manager it reports
+    the missing device and keeps trying, because nobody is there to start it again.
     """
     from calib.files import load_calibration
     from cli.console import check_writable, write_json

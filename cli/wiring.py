@@ -110,7 +110,7 @@ def summary_tables(facts: RunSummary) -> None:
         f"{facts.seconds:.1f} s",
         ["", ""],
         [
-            ["planes per second", f"{facts.planes_per_s:.2f}"],
+            ["ground estimates per second", f"{facts.planes_per_s:.2f}"],
             ["of these valid", f"{100 * facts.valid_share:.1f} %"],
             ["IMU samples per second", f"{facts.imu_samples_per_s:.2f}"],
             ["IMU samples lost", str(facts.imu_lost)],
@@ -121,7 +121,7 @@ def summary_tables(facts: RunSummary) -> None:
     )
     table(
         "Latency, ms",
-        ["stage", "p50", "p99", "max"],
+        ["step", "p50", "p99", "max"],
         [
             [name.replace("_", " "), f"{spread.p50_ms:.1f}", f"{spread.p99_ms:.1f}", f"{spread.max_ms:.1f}"]
             for name, spread in facts.latency.items()

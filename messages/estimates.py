@@ -103,7 +103,7 @@ class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
     """The ground at the next foothold, in the heading frame H of the frame exposed at `t_exposure_ns`.
 
     slope_sagittal_rad = atan ∂z/∂x (> 0: uphill ahead); slope_frontal_rad = atan ∂z/∂y (> 0: rises to the left);
-    height_m: vertical distance from the left optical centre down to the plane (the seed's z-intercept, Eq. 7).
+    height_m: vertical distance from the left optical centre down to the plane (the thesis's z-intercept, Eq. 7).
     `ahead_m` is where, along x of H, the measured region's centre lies. `covariance` is that of
     (slope_sagittal_rad, slope_frontal_rad, height_m), attitude and calibration included.
     """

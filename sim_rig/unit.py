@@ -37,7 +37,7 @@ _HALF_BASELINE_M = 0.060
 
 @dataclass(frozen=True)
 class Unit:
-    """The true values of one unit. `gain` is the brightness of the left and the right eye."""
+    """The true values of one unit. `gain` is the brightness of the left and the right image."""
 
     name: str
     chip: ChipUnit

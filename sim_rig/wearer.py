@@ -29,7 +29,7 @@ _TICK_NS = TOPICS["tick"].period_ns
 _BOOT_NS = 500_000_000
 
 
-class Eyes(Protocol):
+class WornCamera(Protocol):
     """A camera that the wearer carries, on whatever walk it was made for."""
 
     @property
@@ -122,10 +122,10 @@ class SimulatedWearer:
             frame = FramePair(left, right).frame(self.shutter.header(k))
             yield frame, self.truth(frame.header.t_exposure_ns)
 
-    def offline_inputs(self, seconds: float, eyes: "Eyes | None" = None) -> Iterator[ImuSample | Tick | Frame]:
+    def offline_inputs(self, seconds: float, camera: "WornCamera | None" = None) -> Iterator[ImuSample | Tick | Frame]:
         """Yield what the pipeline would be given in the first `seconds`, in order of arrival, without waiting.
 
-        `eyes` take the place of the stereo camera.
+        `camera` takes the place of the stereo camera.
         The real driver polls the simulated chip on a simulated clock, every 5 ms but for a thread's lateness, from a
         quarter of a second before the start on; ticks come every 10 ms, frames when they are due. Nothing is lost.
         """
@@ -135,14 +135,14 @@ class SimulatedWearer:
         imu.open()
         end_ns = self._start_ns + round(seconds * 1e9)
         due_frames = 0
-        eyes = eyes or self
-        while eyes.shutter.due_ns(due_frames) < end_ns:
+        camera = camera or self
+        while camera.shutter.due_ns(due_frames) < end_ns:
             due_frames += 1
-        frames = eyes.frames(due_frames)
+        frames = camera.frames(due_frames)
         agenda = heapq.merge(
             ((t_ns, "poll") for t_ns in self._poll_times_ns(clock(), end_ns)),
             ((t_ns, "tick") for t_ns in range(self._start_ns, end_ns, _TICK_NS)),
-            ((eyes.shutter.due_ns(k), "frame") for k in range(due_frames)),
+            ((camera.shutter.due_ns(k), "frame") for k in range(due_frames)),
         )
         for t_ns, event in agenda:
             clock.advance_to(t_ns)

@@ -119,8 +119,8 @@ def _restricted(
     gram, right, square = X.T @ X, X.T @ y, float(y @ y)
     power = np.diag(gram) + np.finfo(float).tiny
     learnt = [block.name for block in blocks if block.prior is Prior.LEARNT]
-    ceiling = {name: float(y.var() * len(y) / power[slices[name]].mean()) for name in learnt}
-    variances = dict(ceiling)
+    highest = {name: float(y.var() * len(y) / power[slices[name]].mean()) for name in learnt}
+    variances = dict(highest)
     variance = float(y.var() + np.finfo(float).tiny)
     for _ in range(_ROUNDS):
         precision = np.zeros(len(right))
@@ -138,7 +138,7 @@ def _restricted(
         for name in learnt:
             rows = slices[name]
             decided = max(len(beta[rows]) - float(np.trace(C[rows, rows])) / variances[name], 1e-6)
-            variances[name] = max(float(beta[rows] @ beta[rows]) / decided, _LEAST_SHARE * ceiling[name])
+            variances[name] = max(float(beta[rows] @ beta[rows]) / decided, _LEAST_SHARE * highest[name])
         after = np.array([variance, *variances.values()])
         if np.all(np.abs(np.log(after / before)) < _CONVERGED):
             break

@@ -1,4 +1,4 @@
-"""The signal processing of the platform's first study: a windowed low pass and interpolating derivatives.
+"""The signal processing of the thesis's study of the platform: a windowed low pass and interpolating derivatives.
 
 Both filters have an odd number of taps symmetric (or antisymmetric) about the middle one, so their delay is a whole
 number of samples on every channel alike. The samples at the ends that lack a full window are left out instead of being

@@ -1,4 +1,4 @@
-"""What a court asks: which kinds of cases, of which effects, in which order. Nothing here is random but the seeds."""
+"""The cases of a court, which tests the finder on hidden effects: kinds, effects, order. Only the seeds are random."""
 
 import secrets
 from collections.abc import Iterable, Sequence
@@ -16,6 +16,7 @@ DEVELOPMENT_SEEDS = range(1, 1000)
 
 _SHARES = {Kind.CLEAN: 20 / 140, Kind.PAIR: 12 / 140, Kind.OUTSIDE: 12 / 140, Kind.WITHHELD: 12 / 140}
 _JUDGING_SEEDS = 2**62
+_GOLDEN = 0.382  # of a list: steps of the golden section spread any part of it evenly
 
 T = TypeVar("T")
 
@@ -89,7 +90,7 @@ def _spread(items: Sequence[T], count: int) -> Iterable[T]:
 
 def _stride(length: int) -> int:
     """Return a step that visits all of `length` places, far apart."""
-    step = max(1, round(0.382 * length))
+    step = max(1, round(_GOLDEN * length))
     while any(step % prime == 0 and length % prime == 0 for prime in range(2, length + 1)):
         step += 1
     return step

@@ -69,9 +69,9 @@ def check_same_court(slots: Sequence[Slot], folder: Path, *, development: bool) 
             continue
         truth = Result.load(file).truth
         if (truth.kind, {cause.name for cause in truth.causes}) != (slot.kind, set(slot.effects)):
-            raise UserError(f"{file}: is of another court ({truth.case_name}); choose another --out")
+            raise UserError(f"{file}: belongs to other cases ({truth.case_name}); choose another --out")
         if (truth.seed in DEVELOPMENT_SEEDS) != development:
-            raise UserError(f"{file}: its seed is {'not ' * development}one of development; choose another --out")
+            raise UserError(f"{file}: its seed is {'not ' * development}one of --development; choose another --out")
 
 
 def results(slots: Sequence[Slot], folder: Path) -> list[Result]:

@@ -1,4 +1,4 @@
-"""A court's figures as rows to print, and as a page in Markdown."""
+"""The results of a court, which tests the finder on hidden effects, as rows to print and as a page in Markdown."""
 
 from collections.abc import Sequence
 
@@ -6,23 +6,23 @@ from lab.court.score import Rate, SystemScore
 from lab.court.smallest import Smallest
 
 RATE_WORDS = {
-    "first_name": "right first name",
-    "first_two": "right among the first two",
-    "exact_pair": "exact pair",
-    "clean_nothing": "clean: nothing named",
-    "outside_unknown": "outside the library: unknown",
-    "interval": "parameters in their 95 % intervals",
+    "first_name": "the first name is right",
+    "first_two": "one of the first two names is right",
+    "exact_pair": "of two effects, exactly both are named",
+    "clean_nothing": "nothing hidden: nothing named",
+    "outside_unknown": "effect not in the library: answer is unknown",
+    "interval": "parameters within their 95 % intervals",
     "interval_and_narrow": "the same, and narrower than the value",
-    "every_interval": "all parameters of a case in their intervals at once",
-    "share_of_oracle": "share of the oracle's held-out gain",
+    "every_interval": "all parameters of a case within their intervals",
+    "share_of_oracle": "held-out gain, as a share of that with the true causes given",
 }
-SMALLEST_COLUMNS = ("effect", "smallest found in 95 %", "drawn from", "unit", "found")
-CONFUSION_COLUMNS = ("hidden", "named first, and how often")
+SMALLEST_COLUMNS = ("effect", "smallest size found in 95 %", "range of sizes", "unit", "found")
+CONFUSION_COLUMNS = ("hidden effect", "named first, and how often")
 
 
 def rate_columns(scores: Sequence[SystemScore]) -> list[str]:
     """Return the heading of the table of rates."""
-    return ["averaged over effects", "wanted", *(score.system for score in scores)]
+    return ["average over effects", "required", *(score.system for score in scores)]
 
 
 def rate_rows(scores: Sequence[SystemScore]) -> list[list[str]]:
@@ -33,8 +33,8 @@ def rate_rows(scores: Sequence[SystemScore]) -> list[list[str]]:
         wanted = of_systems[0].wanted
         rows.append([words, "" if wanted is None else f"≥ {100.0 * wanted:.0f} %", *map(_rate, of_systems)])
     rows.append(["cases", "", *(str(score.cases) for score in scores)])
-    rows.append(["a verdict: median, longest", "", *(f"{s.median_s:.1f}, {s.longest_s:.1f} s" for s in scores)])
-    rows.append(["the same, of computing: longest", "", *(f"{s.longest_cpu_s:.1f} s" for s in scores)])
+    rows.append(["time of a verdict: median, longest", "", *(f"{s.median_s:.1f}, {s.longest_s:.1f} s" for s in scores)])
+    rows.append(["processor time of a verdict: longest", "", *(f"{s.longest_cpu_s:.1f} s" for s in scores)])
     return rows
 
 
@@ -52,10 +52,15 @@ def confusion_rows(score: SystemScore) -> list[list[str]]:
 
 def markdown(scores: Sequence[SystemScore], seeds: dict[str, list[int]]) -> str:
     """Return the whole court as a page; `seeds` by system, which are known now that all is judged."""
-    parts = ["# Court", "", *_sheet(rate_columns(scores), rate_rows(scores))]
+    parts = ["# Results on hidden effects", "", *_sheet(rate_columns(scores), rate_rows(scores))]
     for score in scores:
         parts += ["", f"## {score.system}: smallest size found", "", *_sheet(SMALLEST_COLUMNS, smallest_rows(score))]
-        parts += ["", f"## {score.system}: confusion", "", *_sheet(CONFUSION_COLUMNS, confusion_rows(score))]
+        parts += [
+            "",
+            f"## {score.system}: what was named for each hidden effect",
+            "",
+            *_sheet(CONFUSION_COLUMNS, confusion_rows(score)),
+        ]
         if score.failures:
             parts += ["", f"## {score.system}: failures", ""]
             parts += [f"- {name}: {line}" for name, line in score.failures.items()]

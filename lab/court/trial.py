@@ -20,7 +20,7 @@ from lab.court.result import Errors, Result, Told
 from lab.hidden.case import Case, Kind
 
 _HOME = Path(__file__).parents[2]
-_LONGEST_S = 600.0
+_LONGEST_S = 600.0  # after which a command counts as failed
 _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 

@@ -1,9 +1,8 @@
-"""The catalogue's camera: its cable, its buffers and its stamps."""
+"""Faults of the camera: its cable, its buffers and its time stamps."""
 
 import errno
 from collections.abc import Callable
 
-from lab.faults.bench import Bench
 from lab.faults.fault import (
     FRAME_FLAG_S,
     MOTION_FLAG_S,
@@ -11,85 +10,88 @@ from lab.faults.fault import (
     USB_RECOVERY_S,
     Expect,
     Fault,
+    HardwareAction,
     Layer,
-    Tamper,
 )
-from lab.faults.played_camera import TRANSFER_S
+from lab.faults.faulty_camera import TRANSFER_S
+from lab.faults.hardware import FaultyHardware
 from sim_rig.camera.v4l2_node import Fault as FrameFault
 
 
-def _befalling(which: Callable[[int], bool], fault: FrameFault) -> Tamper:
-    """Let `fault` befall the frames k for which `which` says so."""
+def _frames_with(which: Callable[[int], bool], fault: FrameFault) -> HardwareAction:
+    """Let `fault` happen to the frames k for which `which` says so."""
 
-    def inject(bench: Bench) -> None:
-        bench.camera.mishaps["fault"] = lambda k: fault if which(k) else None
+    def inject(hardware: FaultyHardware) -> None:
+        hardware.camera.frame_faults["fault"] = lambda k: fault if which(k) else None
 
-    return Tamper(inject, lambda bench: bench.camera.mishaps.clear())
-
-
-def _stamped(by_s: float) -> Tamper:
-    def stamp(bench: Bench, shift_s: float) -> None:
-        bench.camera.node.stamp_jitter_s = lambda _frame: shift_s
-
-    return Tamper(lambda bench: stamp(bench, by_s), lambda bench: stamp(bench, 0.0))
+    return HardwareAction(inject, lambda hardware: hardware.camera.frame_faults.clear())
 
 
-def _later(by_s: float) -> Tamper:
-    def transfer(bench: Bench, seconds: float) -> None:
-        bench.camera.node.transfer_s = seconds
+def _stamped(by_s: float) -> HardwareAction:
+    def stamp(hardware: FaultyHardware, shift_s: float) -> None:
+        hardware.camera.node.stamp_jitter_s = lambda _frame: shift_s
 
-    return Tamper(lambda bench: transfer(bench, TRANSFER_S + by_s), lambda bench: transfer(bench, TRANSFER_S))
-
-
-def _slower(period_s: float) -> Tamper:
-    def expose(bench: Bench, seconds: float) -> None:
-        bench.camera.node.slow_period_s = seconds
-
-    return Tamper(lambda bench: expose(bench, period_s), lambda bench: expose(bench, 0.0))
+    return HardwareAction(lambda hardware: stamp(hardware, by_s), lambda hardware: stamp(hardware, 0.0))
 
 
-def _unplugged() -> Tamper:
+def _later(by_s: float) -> HardwareAction:
+    def transfer(hardware: FaultyHardware, seconds: float) -> None:
+        hardware.camera.node.transfer_s = seconds
+
+    return HardwareAction(
+        lambda hardware: transfer(hardware, TRANSFER_S + by_s), lambda hardware: transfer(hardware, TRANSFER_S)
+    )
+
+
+def _slower(period_s: float) -> HardwareAction:
+    def expose(hardware: FaultyHardware, seconds: float) -> None:
+        hardware.camera.node.slow_period_s = seconds
+
+    return HardwareAction(lambda hardware: expose(hardware, period_s), lambda hardware: expose(hardware, 0.0))
+
+
+def _unplugged() -> HardwareAction:
     """Pull the cable with the next frame."""
 
-    def inject(bench: Bench) -> None:
-        bench.camera.mishaps["cable"] = lambda _k: FrameFault.UNPLUG
+    def inject(hardware: FaultyHardware) -> None:
+        hardware.camera.frame_faults["cable"] = lambda _k: FrameFault.UNPLUG
 
-    return Tamper(inject, _plugged_in)
+    return HardwareAction(inject, _plugged_in)
 
 
-def _busy() -> Tamper:
+def _busy() -> HardwareAction:
     """Let the camera be enumerated anew, and another program open it first."""
 
-    def inject(bench: Bench) -> None:
-        bench.camera.node.held = True
-        bench.camera.node.unplug()
-        bench.camera.node.plug_in()
+    def inject(hardware: FaultyHardware) -> None:
+        hardware.camera.node.held = True
+        hardware.camera.node.unplug()
+        hardware.camera.node.plug_in()
 
-    return Tamper(inject, _plugged_in)
-
-
-def _plugged_in(bench: Bench) -> None:
-    bench.camera.mishaps.pop("cable", None)
-    bench.camera.node.held = False
-    bench.camera.node.plug_in()
+    return HardwareAction(inject, _plugged_in)
 
 
-def _dequeue_failing(error: int) -> Tamper:
-    def fail(bench: Bench, with_error: int) -> None:
-        bench.camera.kernel.dequeue_error = with_error
+def _plugged_in(hardware: FaultyHardware) -> None:
+    hardware.camera.frame_faults.pop("cable", None)
+    hardware.camera.node.held = False
+    hardware.camera.node.plug_in()
 
-    return Tamper(lambda bench: fail(bench, error), lambda bench: fail(bench, 0))
+
+def _dequeue_failing(error: int) -> HardwareAction:
+    def fail(hardware: FaultyHardware, with_error: int) -> None:
+        hardware.camera.kernel.dequeue_error = with_error
+
+    return HardwareAction(lambda hardware: fail(hardware, error), lambda hardware: fail(hardware, 0))
 
 
-def _silent() -> Tamper:
-    def hush(bench: Bench, silent: bool) -> None:
-        bench.camera.kernel.silent = silent
+def _silent() -> HardwareAction:
+    def hush(hardware: FaultyHardware, silent: bool) -> None:
+        hardware.camera.kernel.silent = silent
 
-    return Tamper(lambda bench: hush(bench, True), lambda bench: hush(bench, False))
+    return HardwareAction(lambda hardware: hush(hardware, True), lambda hardware: hush(hardware, False))
 
 
 def missing(
-    name: str, how: str, act: Tamper, touches: str, hold_s: float = 1.5, recovery_s: float = RECOVERY_S
+    name: str, how: str, act: HardwareAction, touches: str, hold_s: float = 1.5, recovery_s: float = RECOVERY_S
 ) -> Fault:
     """Return a fault that leaves no usable frame."""
     return Fault(
@@ -105,7 +107,7 @@ def missing(
     )
 
 
-def contradiction(name: str, how: str, act: Tamper, touches: str) -> Fault:
+def contradiction(name: str, how: str, act: HardwareAction, touches: str) -> Fault:
     """Return a fault whose frames contradict the IMU or each other once the wearer walks."""
     return Fault(
         name=name,
@@ -123,14 +125,14 @@ def contradiction(name: str, how: str, act: Tamper, touches: str) -> Fault:
 def other(
     name: str,
     how: str,
-    act: Tamper,
+    act: HardwareAction,
     expect: Expect,
     reason: str,
     touches: str,
     hold_s: float = 3.0,
     share: float = 1.0,
 ) -> Fault:
-    """Return a fault that is tolerated, that may go either way, or that goes unnoticed."""
+    """Return a fault that is tolerated, may be flagged or not, or goes unnoticed."""
     return Fault(
         name=name,
         layer=Layer.CAMERA,
@@ -146,11 +148,11 @@ def other(
 
 
 STREAM_FAULTS = (
-    missing("cam-unplugged-2s", "the cable is out for 2 s", _unplugged(), "stream", 2.0, USB_RECOVERY_S),
-    missing("cam-unplugged-10s", "the cable is out for 10 s", _unplugged(), "stream", 10.0, USB_RECOVERY_S),
+    missing("cam-unplugged-2s", "the cable is unplugged for 2 s", _unplugged(), "stream", 2.0, USB_RECOVERY_S),
+    missing("cam-unplugged-10s", "the cable is unplugged for 10 s", _unplugged(), "stream", 10.0, USB_RECOVERY_S),
     missing(
         "cam-busy",
-        "re-enumerated, and another program was quicker (EBUSY)",
+        "the camera is re-enumerated and another program opens it first (EBUSY)",
         _busy(),
         "stream",
         2.0,
@@ -162,20 +164,25 @@ STREAM_FAULTS = (
     missing(
         "cam-error-flags",
         "every buffer carries the error flag",
-        _befalling(lambda _k: True, FrameFault.ERROR),
+        _frames_with(lambda _k: True, FrameFault.ERROR),
         "buffers",
     ),
-    missing("cam-short-buffers", "every buffer is short", _befalling(lambda _k: True, FrameFault.SHORT), "buffers"),
+    missing(
+        "cam-short-buffers",
+        "every buffer holds less than a whole frame",
+        _frames_with(lambda _k: True, FrameFault.SHORT),
+        "buffers",
+    ),
     missing(
         "cam-all-lost",
-        "no frame arrives though the sequence goes on",
-        _befalling(lambda _k: True, FrameFault.LOST),
+        "no frame arrives, though the sequence numbers go on",
+        _frames_with(lambda _k: True, FrameFault.LOST),
         "buffers",
     ),
     missing(
         "cam-three-of-four-lost",
         "three frames of four are lost",
-        _befalling(lambda k: k % 4 != 0, FrameFault.LOST),
+        _frames_with(lambda k: k % 4 != 0, FrameFault.LOST),
         "buffers",
     ),
     other(
@@ -183,25 +190,25 @@ STREAM_FAULTS = (
         "the camera exposes longer: 10 frames a second",
         _slower(0.1),
         Expect.HONEST,
-        "half the frames are half the ground; a gap beyond 120 ms is called one",
+        "half the frames give half the estimates; a gap above 120 ms is flagged",
         "rate",
         2.0,
     ),
     other(
         "cam-every-second-lost",
         "every second frame is lost",
-        _befalling(lambda k: k % 2 == 0, FrameFault.LOST),
+        _frames_with(lambda k: k % 2 == 0, FrameFault.LOST),
         Expect.HONEST,
-        "half the frames are half the ground; a gap beyond 120 ms is called one",
+        "half the frames give half the estimates; a gap above 120 ms is flagged",
         "buffers",
         2.0,
     ),
     other(
         "cam-gaps",
         "every fifth frame is lost",
-        _befalling(lambda k: k % 5 == 0, FrameFault.LOST),
+        _frames_with(lambda k: k % 5 == 0, FrameFault.LOST),
         Expect.TOLERATED,
-        "the next frame is in time",
+        "the next frame comes in time",
         "buffers",
         2.0,
         share=0.8,
@@ -209,9 +216,9 @@ STREAM_FAULTS = (
     other(
         "cam-some-errors",
         "every fourth buffer carries the error flag",
-        _befalling(lambda k: k % 4 == 0, FrameFault.ERROR),
+        _frames_with(lambda k: k % 4 == 0, FrameFault.ERROR),
         Expect.TOLERATED,
-        "the next frame is in time",
+        "the next frame comes in time",
         "buffers",
         2.0,
         share=0.75,
@@ -221,7 +228,7 @@ STREAM_FAULTS = (
         "frames arrive 80 ms later than usual",
         _later(0.080),
         Expect.HONEST,
-        "their stamps are right; the consumer sees their age",
+        "their time stamps are right, and the consumer sees their age",
         "transport",
         2.0,
     ),
@@ -232,7 +239,7 @@ STAMP_FAULTS = (
     *(
         contradiction(
             f"cam-stamps-{'ahead' if by_ms > 0 else 'behind'}-{abs(by_ms)}ms",
-            f"the stamps jump by {by_ms:+d} ms and stay there",
+            f"the frames' time stamps jump by {by_ms:+d} ms and stay shifted",
             _stamped(1e-3 * by_ms),
             "stamps",
         )
@@ -240,11 +247,16 @@ STAMP_FAULTS = (
     ),
     missing(
         "cam-stamps-realtime",
-        "stamps are of CLOCK_REALTIME, decades ahead",
-        _befalling(lambda _k: True, FrameFault.REALTIME_STAMP),
+        "time stamps are of CLOCK_REALTIME, decades ahead",
+        _frames_with(lambda _k: True, FrameFault.REALTIME_STAMP),
         "buffers",
     ),
-    missing("cam-stamps-old", "stamps lie a second back", _befalling(lambda _k: True, FrameFault.OLD_STAMP), "buffers"),
+    missing(
+        "cam-stamps-old",
+        "time stamps are one second old",
+        _frames_with(lambda _k: True, FrameFault.OLD_STAMP),
+        "buffers",
+    ),
 )
 
 CAMERA_FAULTS = STREAM_FAULTS + STAMP_FAULTS

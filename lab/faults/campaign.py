@@ -1,4 +1,4 @@
-"""The campaign: one fault, or two at once, after the other.
+"""The campaign: trials of one fault, or of two at once, one after the other.
 
 Each trial: wait until the ground is steadily valid, inject, hold, clear, watch the recovery.
 """
@@ -15,16 +15,16 @@ from pathlib import Path
 
 from lab.faults.catalogue import carry_out, expected_together
 from lab.faults.daemon_process import DaemonPlan, DaemonProcess
+from lab.faults.daemon_under_test import SCENARIO, DaemonUnderTest
 from lab.faults.fault import FOREIGN, Command, Expect, Fault, Restart
 from lab.faults.report import CampaignReport, TrialReport
-from lab.faults.stage import SCENARIO, Stage
 from lab.faults.trial import Expectation, Measured, Times, failures, measure, recovery_s
 from messages import UserError
 
-_AFTER_FLAG_S = 1.5
-_HEALTH_S = 1.1
-_COMMAND_S = 60.0
-_ATTEMPTS = 3
+_AFTER_FLAG_S = 1.5  # a fault that waits for motion lasts so long after its flag
+_HEALTH_S = 1.1  # until the next health message, one a second, has come
+_COMMAND_S = 60.0  # within which a command must end
+_ATTEMPTS = 3  # of a trial in which the rig itself lost frames
 _ALWAYS_COUNTED = ("imu_samples", "frames", "frames_valid", "ankle_states")
 
 
@@ -82,7 +82,7 @@ class Campaign:
         self._folder = folder
         self._tell = tell
         self._patience_s = patience_s
-        self._stage = Stage(seed, folder, patience_s=patience_s)
+        self._daemon = DaemonUnderTest(seed, folder, patience_s=patience_s)
 
     def run(self, trials: Sequence[Trial]) -> CampaignReport:
         """Run the trials, those that need a start of their own last, and return all that was found."""
@@ -91,23 +91,23 @@ class Campaign:
         for trial in sorted(trials, key=lambda trial: trial.needs_a_start):
             reports.append(self._proven(trial))
             self._tell(reports[-1])
-        self._stage.stop()
+        self._daemon.stop()
         return CampaignReport(
             seed=self._seed,
             scenario=SCENARIO,
             seconds=time.monotonic() - began_s,
             trials=reports,
-            fault_free=self._stage.free,
-            valid_share=self._stage.free.valid_share,
-            process=self._stage.longest,
-            starts=self._stage.starts,
-            hung_stops=self._stage.hung_stops,
-            held_up=self._stage.listener.held_up,
+            fault_free=self._daemon.free,
+            valid_share=self._daemon.free.valid_share,
+            process=self._daemon.longest,
+            starts=self._daemon.starts,
+            hung_stops=self._daemon.hung_stops,
+            held_up=self._daemon.listener.held_up,
         )
 
     def close(self) -> None:
         """End everything that runs."""
-        self._stage.close()
+        self._daemon.close()
 
     def _proven(self, trial: Trial) -> TrialReport:
         """Return the report of a trial; one that failed while the rig itself lost frames is run again."""
@@ -126,49 +126,49 @@ class Campaign:
                 return self._restarted(trial, act)
             return self._running(trial)
         except UserError as error:  # the daemon died: nothing else raises this here
-            self._stage.stop()
+            self._daemon.stop()
             return _report(trial, None, [str(error)])
 
     def _running(self, trial: Trial) -> TrialReport:
-        stage = self._stage
-        if not stage.settle(in_motion=trial.in_motion):
-            return _report(trial, None, ["the daemon does not come to a steady ground"])
-        late_before, before = stage.rig_late(), stage.counted()
-        stage.end_free()
+        daemon = self._daemon
+        if not daemon.settle(in_motion=trial.in_motion):
+            return _report(trial, None, ["the ground does not become steadily valid"])
+        late_before, before = daemon.rig_late(), daemon.counted()
+        daemon.end_free()
         inject_ns = time.monotonic_ns()
         for fault in trial.faults:
-            stage.inject(fault)
+            daemon.inject(fault)
         self._hold(trial, inject_ns)
         for fault in reversed(trial.faults):
-            stage.clear(fault)
+            daemon.clear(fault)
         clear_ns = time.monotonic_ns()
         found = self._recovered(trial, inject_ns, clear_ns)
-        late = max(0, stage.rig_late() - late_before)  # the daemon may have been started anew
-        recovered = not math.isnan(found.recovery_s)
+        late = max(0, daemon.rig_late() - late_before)  # the daemon may have been started anew
+        recovered = found.recovery_s is not None
         if recovered:
-            stage.begin_free()
-        stage.listen(_HEALTH_S)
-        counted = stage.counted()
+            daemon.begin_free()
+        daemon.listen(_HEALTH_S)
+        counted = daemon.counted()
         counted.subtract(before)
         if not recovered:
-            stage.stop()
+            daemon.stop()
         why = list(failures(trial.expectation, found, 1e-9 * (clear_ns - inject_ns)))
         return _report(trial, found, why, counted=counted, rig_late=late)
 
     def _restarted(self, trial: Trial, act: Restart) -> TrialReport:
-        stage, folder = self._stage, self._empty_folder()
-        plan = act.change(stage.plan, folder)
+        daemon, folder = self._daemon, self._empty_folder()
+        plan = act.change(daemon.plan, folder)
         if trial.faults[0].expect is Expect.REFUSED:
             return self._second_start(trial, plan)
-        stage.start(plan)
+        daemon.start(plan)
         inject_ns = time.monotonic_ns()
-        if stage.await_steady():
+        if daemon.await_steady():
             inject_ns = time.monotonic_ns()
         act.then(folder)
         self._hold(trial, inject_ns)
-        counted, late = stage.counted(), stage.rig_late()
+        counted, late = daemon.counted(), daemon.rig_late()
         clear_ns = time.monotonic_ns()
-        stage.start(stage.plan)
+        daemon.start(daemon.plan)
         found = self._recovered(trial, inject_ns, clear_ns)
         why = list(failures(trial.expectation, found, 1e-9 * (clear_ns - inject_ns)))
         return _report(trial, found, why, counted=counted, rig_late=late)
@@ -178,45 +178,45 @@ class Campaign:
 
     def _hold(self, trial: Trial, inject_ns: int) -> None:
         """Listen while the fault lasts; one that waits for motion is over soon after it was flagged."""
-        expected, grounds = trial.expectation, self._stage.listener.grounds
+        expected, grounds = trial.expectation, self._daemon.listener.grounds
 
         def flagged_for_long() -> bool:
             flag_ns = next((h.t_ns for h in grounds if h.t_ns > inject_ns and h.flag), None)
             return flag_ns is not None and time.monotonic_ns() - flag_ns > _AFTER_FLAG_S * 1e9
 
         if expected.in_motion and expected.expect is Expect.FLAGGED:
-            self._stage.listen(trial.hold_s, flagged_for_long)
+            self._daemon.listen(trial.hold_s, flagged_for_long)
         else:
-            self._stage.listen(trial.hold_s)
+            self._daemon.listen(trial.hold_s)
 
     def _recovered(self, trial: Trial, inject_ns: int, clear_ns: int) -> Measured:
-        expected, heard = trial.expectation, self._stage.listener
+        expected, heard = trial.expectation, self._daemon.listener
 
         def again() -> bool:
-            return not math.isnan(recovery_s(heard.grounds, heard.on_can, clear_ns))
+            return recovery_s(heard.grounds, heard.on_can, clear_ns) is not None
 
-        self._stage.listen(self._patience_s, again)
+        self._daemon.listen(self._patience_s, again)
         times = Times(inject_ns, clear_ns, time.monotonic_ns())
-        walked_s = self._stage.walked_s if expected.in_motion else _passed_s
+        walked_s = self._daemon.walked_s if expected.in_motion else _passed_s
         return measure(heard.grounds, heard.attitudes, heard.on_can, times, expected, walked_s)
 
     def _second_start(self, trial: Trial, plan: DaemonPlan) -> TrialReport:
-        self._stage.settle(in_motion=False)
+        self._daemon.settle(in_motion=False)
         try:
             DaemonProcess(plan, carry_out).stop()
         except UserError as refusal:
             return _report(trial, None, [], told=str(refusal))
-        return _report(trial, None, ["it started"])
+        return _report(trial, None, ["the daemon started, though it must not"])
 
     def _command(self, trial: Trial, act: Command) -> TrialReport:
         folder = self._empty_folder()
-        command = [sys.executable, "-m", "cli.main", *act.prepare(self._stage.plan, folder)]
+        command = [sys.executable, "-m", "cli.main", *act.prepare(self._daemon.plan, folder)]
         home = Path(__file__).parents[2]
         done = subprocess.run(command, capture_output=True, text=True, timeout=_COMMAND_S, cwd=home, check=False)
         lines = done.stderr.strip().splitlines()
         why = [] if done.returncode in act.codes else [f"exit code {done.returncode}"]
         if "Traceback" in done.stderr or (done.returncode and len(lines) != 1):
-            why.append(f"{len(lines)} lines on stderr in place of one")
+            why.append(f"{len(lines)} lines of error message instead of one")
         return _report(trial, None, why, told=lines[-1] if lines else "")
 
 

@@ -1,16 +1,16 @@
-"""All faults, and the choice of those that strike together."""
+"""All faults, and the choice of those that come together."""
 
 import itertools
 import random
 
-from lab.faults.bench import Bench
 from lab.faults.camera_faults import CAMERA_FAULTS
 from lab.faults.daemon_process import Order
-from lab.faults.fault import Expect, Fault, Tamper
+from lab.faults.fault import Expect, Fault, HardwareAction
 from lab.faults.file_faults import FILE_FAULTS
+from lab.faults.hardware import FaultyHardware
+from lab.faults.image_faults import IMAGE_FAULTS
 from lab.faults.imu_faults import IMU_FAULTS
 from lab.faults.outside_faults import CAN_FAULTS, HOST_FAULTS, ZENOH_FAULTS
-from lab.faults.picture_faults import PICTURE_FAULTS
 from lab.faults.signal_faults import SIGNAL_FAULTS
 from messages import UserError
 
@@ -20,7 +20,7 @@ CATALOGUE: dict[str, Fault] = {
         *IMU_FAULTS,
         *SIGNAL_FAULTS,
         *CAMERA_FAULTS,
-        *PICTURE_FAULTS,
+        *IMAGE_FAULTS,
         *CAN_FAULTS,
         *ZENOH_FAULTS,
         *HOST_FAULTS,
@@ -56,12 +56,12 @@ def pairs(count: int, seed: int) -> list[tuple[Fault, Fault]]:
     return chosen
 
 
-def carry_out(bench: Bench, order: Order) -> None:
-    """Inject or clear a fault of the catalogue on the bench."""
+def carry_out(hardware: FaultyHardware, order: Order) -> None:
+    """Inject or clear a fault of the catalogue on the simulated hardware."""
     act = CATALOGUE[order.fault].act
-    if not isinstance(act, Tamper):
-        raise TypeError(f"{order.fault} does not happen on the bench")
-    (act.inject if order.inject else act.clear)(bench)
+    if not isinstance(act, HardwareAction):
+        raise TypeError(f"{order.fault} does not happen on the simulated hardware")
+    (act.inject if order.inject else act.clear)(hardware)
 
 
 def expected_together(first: Fault, second: Fault) -> tuple[Expect, float, bool]:

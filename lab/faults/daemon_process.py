@@ -1,4 +1,4 @@
-"""The running daemon under test: the real service, drivers and outlets on the bench, in a process of its own.
+"""The process of the daemon under test: the real service, drivers and outlets on the simulated hardware.
 
 The campaign's end of the pipe sends `Order`s, or None to hear how the rig does; each is answered with `Done`. A start
 that fails is answered with `Refused`.
@@ -29,7 +29,7 @@ from drivers.can.link import CanLink
 from drivers.can.settings import CanSettings
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
-from lab.faults.bench import Bench
+from lab.faults.hardware import FaultyHardware
 from messages import Calibration, Source, UserError
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
@@ -79,8 +79,8 @@ class Refused(msgspec.Struct, frozen=True):
     line: str
 
 
-Carry = Callable[[Bench, Order], None]
-"""Carries an order out on the bench; module level, so that it reaches another process."""
+Carry = Callable[[FaultyHardware, Order], None]
+"""Carries an order out on the simulated hardware; module level, so that it reaches another process."""
 
 
 class DaemonProcess:
@@ -110,7 +110,7 @@ class DaemonProcess:
         return self._process.is_alive()
 
     def order(self, order: Order | None) -> Done:
-        """Have a fault injected or cleared on the bench, or with None nothing; returns when it is.
+        """Have a fault injected or cleared on the simulated hardware, or with None nothing; returns when it is.
 
         Raises UserError if the daemon is gone.
         """
@@ -149,12 +149,12 @@ def _run(pipe: Connection, plan: DaemonPlan, carry: Carry) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the campaign ends it
     logging.basicConfig(filename=plan.log, format="%(relativeCreated)9.0f %(message)s")
     with ExitStack() as undo:
-        bench = Bench(wearer := plan.wearer())
-        undo.callback(bench.close)
+        hardware = FaultyHardware(wearer := plan.wearer())
+        undo.callback(hardware.close)
         if plan.largest_file_bytes is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (plan.largest_file_bytes, plan.largest_file_bytes))
         try:
-            service = _service(plan, bench, plan.calibration or wearer.calibration)
+            service = _service(plan, hardware, plan.calibration or wearer.calibration)
         except UserError as refusal:
             pipe.send(Refused(str(refusal)))
             return
@@ -165,26 +165,26 @@ def _run(pipe: Connection, plan: DaemonPlan, carry: Carry) -> None:
             try:
                 while pipe.poll():
                     if (order := pipe.recv()) is not None:
-                        carry(bench, order)
-                    pipe.send(Done(bench.camera.rig_late))
+                        carry(hardware, order)
+                    pipe.send(Done(hardware.camera.rig_late))
             except (EOFError, BrokenPipeError, ConnectionResetError):  # the campaign is gone
                 service.stop()
 
         service.run(each_s=_ORDERS_EVERY_S, status=obey)
 
 
-def _service(plan: DaemonPlan, bench: Bench, calibration: Calibration) -> Service:
+def _service(plan: DaemonPlan, hardware: FaultyHardware, calibration: Calibration) -> Service:
     configuration = Configuration(device=DEVICE, zenoh=ZenohSettings(listen=plan.zenoh), can=plan.can)
-    imu = Mpu6050(bench.wires.open, settings=Mpu6050Settings(), open_data_ready=bench.data_ready.open)
+    imu = Mpu6050(hardware.wires.open, settings=Mpu6050Settings(), open_data_ready=hardware.data_ready.open)
     imu.open()
     stereo = calibration.stereo
     camera = V4l2StereoCamera(
-        bench.camera.node.path,
+        hardware.camera.node.path,
         stereo.left.width_px,
         stereo.left.height_px,
         pool_frames=_POOL_FRAMES,
         stamp_to_mid_exposure_s=stereo.stamp_to_mid_exposure_s,
-        kernel=bench.camera.kernel,
+        kernel=hardware.camera.kernel,
     )
     zenoh = ZenohPublisher(configuration.zenoh, DEVICE, calibration=calibration, configuration=configuration)
     link = CanLink(plan.can)

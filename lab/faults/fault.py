@@ -1,4 +1,4 @@
-"""What a fault is: where it strikes, how, and what a daemon that may be walked on must do about it."""
+"""What a fault is: what it acts on, how, and what a daemon that may be walked on must do about it."""
 
 import enum
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lab.faults.bench import Bench
+from lab.faults.hardware import FaultyHardware
 from messages import Reason
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ USB_RECOVERY_S = 10.0
 
 
 class Layer(str, enum.Enum):
-    """What is hit."""
+    """What a fault acts on."""
 
     IMU = "IMU"
     CAMERA = "camera"
@@ -40,7 +40,7 @@ FOREIGN: dict[Layer, frozenset[Reason]] = {
     Layer.IMU: frozenset({Reason.NO_FRAME, Reason.FROZEN_FRAME, Reason.EYES_SWAPPED, Reason.WRONG_SIZE}),
     Layer.CAMERA: frozenset({Reason.NO_IMU, Reason.NOT_AT_REST, Reason.STARTING}),
 }
-"""Reasons that a fault of a layer cannot have: such a flag was heard by chance."""
+"""Flag reasons that a fault of a layer cannot cause: such a flag came by chance."""
 
 
 class Expect(str, enum.Enum):
@@ -55,15 +55,15 @@ class Expect(str, enum.Enum):
 
 
 @dataclass(frozen=True)
-class Tamper:
+class HardwareAction:
     """Makes a fault in the daemon's process, on the simulated hardware, and takes it back."""
 
-    inject: Callable[[Bench], None]
-    clear: Callable[[Bench], None] = lambda _bench: None
+    inject: Callable[[FaultyHardware], None]
+    clear: Callable[[FaultyHardware], None] = lambda _hardware: None
 
 
 @dataclass(frozen=True)
-class Outside:
+class OutsideAction:
     """Makes a fault around the daemon's process and takes it back."""
 
     inject: "Callable[[Surroundings], None]"
@@ -72,7 +72,7 @@ class Outside:
 
 @dataclass(frozen=True)
 class Restart:
-    """A fault that the daemon is started with: `change` makes its plan of a sound one and an empty folder.
+    """A fault that the daemon is started with: `change` makes its plan of a faultless one and an empty folder.
 
     `then` is done with that folder once the ground is valid. A start that is to be REFUSED happens beside the daemon
     that runs.
@@ -99,14 +99,14 @@ class Fault:
 
     `how` says in one line what happens on the hardware, `reason` why it is expected to be tolerated, to be either, or
     to go unnoticed. It lasts `hold_s`; `limit_s` is that of FLAGGED. `in_motion`: it begins while the wearer walks,
-    and only walking time counts. Two faults with different `touches` may strike together; none pairs without.
+    and only walking time counts. Two faults with different `touches` may come together; one without never does.
     `share` of the frames remains while it lasts.
     """
 
     name: str
     layer: Layer
     how: str
-    act: Tamper | Outside | Restart | Command
+    act: HardwareAction | OutsideAction | Restart | Command
     expect: Expect
     limit_s: float = 0.0
     hold_s: float = 1.5

@@ -1,4 +1,4 @@
-"""The catalogue's files: calibration, configuration and recordings, broken or plausible, and a disk that is full."""
+"""Faults of files: calibration, configuration and recordings, broken or plausible, and a full disk."""
 
 import shutil
 from pathlib import Path
@@ -118,19 +118,21 @@ def _plausible(name: str, how: str, act: Restart) -> Fault:
         expect=Expect.UNDETECTABLE,
         hold_s=6.0,
         recovery_s=USB_RECOVERY_S,
-        reason="every pair of pictures agrees with it; only a known height or slope would show it",
+        reason="every pair of images agrees with it; only a known height or slope would show it",
     )
 
 
 FILE_FAULTS = (
-    _command("file-calibration-broken", "the calibration is no YAML", Command(_broken_calibration)),
-    _command("file-calibration-impossible", "a focal length below zero", Command(_impossible_calibration)),
-    _command("file-configuration-broken", "the configuration is no TOML", Command(_broken_configuration)),
+    _command("file-calibration-broken", "the calibration is not valid YAML", Command(_broken_calibration)),
+    _command(
+        "file-calibration-impossible", "the calibration has a negative focal length", Command(_impossible_calibration)
+    ),
+    _command("file-configuration-broken", "the configuration is not valid TOML", Command(_broken_configuration)),
     _command("file-configuration-unknown", "the configuration names an unknown table", Command(_unknown_setting)),
-    _command("file-recording-garbage", "a replay of 200 kB of noise", Command(_garbage_recording)),
+    _command("file-recording-garbage", "a replay of a file of 200 kB of random bytes", Command(_garbage_recording)),
     _command(
         "file-recording-truncated",
-        "a replay of a recording cut off at three fifths",
+        "a replay of a recording that ends after three fifths of its bytes",
         Command(_truncated_recording, codes=(0,)),
     ),
     Fault(
@@ -150,12 +152,12 @@ FILE_FAULTS = (
         expect=Expect.TOLERATED,
         hold_s=3.0,
         recovery_s=USB_RECOVERY_S,
-        reason="recording stops, says so and counts; the ground goes on",
+        reason="recording stops, logs it and counts; ground estimates go on",
     ),
     Fault(
         name="file-no-space",
         layer=Layer.FILES,
-        how="a daemon is started that is to record where there is no space (ENOSPC)",
+        how="a daemon is started with a recording on a full disk (ENOSPC)",
         act=Restart(_no_space),
         expect=Expect.REFUSED,
     ),
@@ -167,6 +169,6 @@ FILE_FAULTS = (
         expect=Expect.TOLERATED,
         hold_s=3.0,
         recovery_s=USB_RECOVERY_S,
-        reason="what is written goes nowhere; the ground goes on",
+        reason="what is written is lost; ground estimates go on",
     ),
 )

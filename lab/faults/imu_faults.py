@@ -1,68 +1,69 @@
-"""The catalogue's IMU: its bus, its chip and its clock."""
+"""Faults of the IMU: its bus, its data-ready line, its chip and its clock."""
 
 import errno
 import time
 from collections.abc import Callable
 
 from drivers.imu.registers import Power, Register, UserControl
-from lab.faults.bench import USUAL_LATENESS, Bench
-from lab.faults.fault import BUS_FLAG_S, FRAME_FLAG_S, MOTION_FLAG_S, Expect, Fault, Layer, Tamper
+from lab.faults.fault import BUS_FLAG_S, FRAME_FLAG_S, MOTION_FLAG_S, Expect, Fault, HardwareAction, Layer
+from lab.faults.hardware import USUAL_LATENESS, FaultyHardware
 from sim_rig.imu.mpu6050_chip import Mpu6050Chip
 
 _ACCEL_RANGE_CODE, _GYRO_RANGE_CODE, _FILTER_CODE = 0x08, 0x08, 0x03
 _RETRIES_USED_UP = 3
 
 
-def _lasting(error: int, *, until_opened: bool = False) -> Tamper:
-    return Tamper(
-        lambda bench: bench.wires.stick(error, until_opened=until_opened), lambda bench: bench.wires.release()
+def _lasting(error: int, *, until_opened: bool = False) -> HardwareAction:
+    return HardwareAction(
+        lambda hardware: hardware.wires.stick(error, until_opened=until_opened),
+        lambda hardware: hardware.wires.release(),
     )
 
 
-def _chip(act: Callable[[Mpu6050Chip], None], back: Callable[[Mpu6050Chip], None] | None = None) -> Tamper:
-    def clear(bench: Bench) -> None:
+def _chip(act: Callable[[Mpu6050Chip], None], back: Callable[[Mpu6050Chip], None] | None = None) -> HardwareAction:
+    def clear(hardware: FaultyHardware) -> None:
         if back is not None:
-            bench.chip.do(back)
+            hardware.chip.do(back)
 
-    return Tamper(lambda bench: bench.chip.do(act), clear)
+    return HardwareAction(lambda hardware: hardware.chip.do(act), clear)
 
 
-def _again_and_again(act: Callable[[Mpu6050Chip], None], every_s: float) -> Tamper:
+def _again_and_again(act: Callable[[Mpu6050Chip], None], every_s: float) -> HardwareAction:
     """Do `act` to the chip every `every_s`, in the bus's own thread."""
 
-    def inject(bench: Bench) -> None:
+    def inject(hardware: FaultyHardware) -> None:
         due_s = time.monotonic()
 
-        def habit(chip: Mpu6050Chip) -> None:
+        def when_due(chip: Mpu6050Chip) -> None:
             nonlocal due_s
             if time.monotonic() >= due_s:
                 due_s = time.monotonic() + every_s
                 act(chip)
 
-        bench.chip.habits["fault"] = habit
+        hardware.chip.repeated["fault"] = when_due
 
-    return Tamper(inject, lambda bench: bench.chip.habits.clear())
+    return HardwareAction(inject, lambda hardware: hardware.chip.repeated.clear())
 
 
-def _clock(factor_after: Callable[[float], float]) -> Tamper:
+def _clock(factor_after: Callable[[float], float]) -> HardwareAction:
     """Let the chip's clock run as many times faster as `factor_after` the seconds since the fault began says."""
 
-    def inject(bench: Bench) -> None:
+    def inject(hardware: FaultyHardware) -> None:
         began_s = time.monotonic()
-        bench.chip.habits["clock"] = lambda chip: chip.set_clock(factor_after(time.monotonic() - began_s))
+        hardware.chip.repeated["clock"] = lambda chip: chip.set_clock(factor_after(time.monotonic() - began_s))
 
-    def clear(bench: Bench) -> None:
-        bench.chip.habits.pop("clock", None)
-        bench.chip.do(lambda chip: chip.set_clock(1.0))
+    def clear(hardware: FaultyHardware) -> None:
+        hardware.chip.repeated.pop("clock", None)
+        hardware.chip.do(lambda chip: chip.set_clock(1.0))
 
-    return Tamper(inject, clear)
+    return HardwareAction(inject, clear)
 
 
-def _answering(value: int) -> Tamper:
-    def answer(bench: Bench, with_value: int | None) -> None:
-        bench.chip.answer = with_value
+def _answering(value: int) -> HardwareAction:
+    def answer(hardware: FaultyHardware, with_value: int | None) -> None:
+        hardware.chip.answer = with_value
 
-    return Tamper(lambda bench: answer(bench, value), lambda bench: answer(bench, None))
+    return HardwareAction(lambda hardware: answer(hardware, value), lambda hardware: answer(hardware, None))
 
 
 def _write(register: Register, value: int) -> Callable[[Mpu6050Chip], None]:
@@ -87,7 +88,7 @@ def _become(who_am_i: int) -> Callable[[Mpu6050Chip], None]:
     return act
 
 
-def _bus(name: str, how: str, act: Tamper, hold_s: float = 1.5) -> Fault:
+def _bus(name: str, how: str, act: HardwareAction, hold_s: float = 1.5) -> Fault:
     return Fault(
         name=name,
         layer=Layer.IMU,
@@ -101,7 +102,13 @@ def _bus(name: str, how: str, act: Tamper, hold_s: float = 1.5) -> Fault:
 
 
 def _chip_fault(
-    name: str, how: str, act: Tamper, *, limit_s: float = BUS_FLAG_S, hold_s: float = 1.5, in_motion: bool = False
+    name: str,
+    how: str,
+    act: HardwareAction,
+    *,
+    limit_s: float = BUS_FLAG_S,
+    hold_s: float = 1.5,
+    in_motion: bool = False,
 ) -> Fault:
     return Fault(
         name=name,
@@ -116,99 +123,99 @@ def _chip_fault(
     )
 
 
-def _tolerated(name: str, how: str, act: Tamper, reason: str, touches: str) -> Fault:
+def _tolerated(name: str, how: str, act: HardwareAction, reason: str, touches: str) -> Fault:
     return Fault(name=name, layer=Layer.IMU, how=how, act=act, expect=Expect.TOLERATED, reason=reason, touches=touches)
 
 
 BUS_FAULTS = (
     _tolerated(
         "imu-nak-once",
-        "one transfer is not acknowledged (EREMOTEIO)",
-        Tamper(lambda bench: bench.wires.fail(errno.EREMOTEIO)),
-        "a transfer is tried again",
+        "one I²C transfer is not acknowledged (EREMOTEIO)",
+        HardwareAction(lambda hardware: hardware.wires.fail(errno.EREMOTEIO)),
+        "a failed transfer is tried again",
         "bus",
     ),
     _tolerated(
         "imu-nak-burst",
-        "all tries of one transfer are not acknowledged (ENXIO)",
-        Tamper(lambda bench: bench.wires.fail(errno.ENXIO, _RETRIES_USED_UP)),
-        "the bus is opened anew, the FIFO has kept the samples",
+        "one I²C transfer and all its retries are not acknowledged (ENXIO)",
+        HardwareAction(lambda hardware: hardware.wires.fail(errno.ENXIO, _RETRIES_USED_UP)),
+        "the driver reopens the bus; the FIFO has kept the samples",
         "bus",
     ),
     _tolerated(
         "imu-arbitration-lost",
-        "arbitration is lost twice in a row (EAGAIN)",
-        Tamper(lambda bench: bench.wires.fail(errno.EAGAIN, 2)),
-        "a transfer is tried again",
+        "bus arbitration is lost twice in a row (EAGAIN)",
+        HardwareAction(lambda hardware: hardware.wires.fail(errno.EAGAIN, 2)),
+        "a failed transfer is tried again",
         "bus",
     ),
     _tolerated(
         "imu-burst-broken",
-        "a FIFO burst breaks off after 14 bytes have left the chip (EIO)",
-        Tamper(lambda bench: bench.wires.fail(errno.EIO, bytes_lost=14)),
+        "a FIFO read fails after 14 bytes have left the chip (EIO)",
+        HardwareAction(lambda hardware: hardware.wires.fail(errno.EIO, bytes_lost=14)),
         "one sample is lost and counted",
         "bus",
     ),
-    _bus("imu-nak-eremoteio", "no transfer is acknowledged any more (EREMOTEIO)", _lasting(errno.EREMOTEIO)),
-    _bus("imu-nak-enxio", "no transfer is acknowledged any more (ENXIO)", _lasting(errno.ENXIO)),
-    _bus("imu-nak-eio", "every transfer fails (EIO)", _lasting(errno.EIO)),
-    _bus("imu-arbitration-never-won", "every arbitration is lost (EAGAIN)", _lasting(errno.EAGAIN)),
-    _bus("imu-bus-stuck-short", "a line is held low for 0.2 s (ETIMEDOUT)", _lasting(errno.ETIMEDOUT), hold_s=0.2),
-    _bus("imu-bus-stuck", "a line is held low for 3 s (ETIMEDOUT)", _lasting(errno.ETIMEDOUT), hold_s=3.0),
+    _bus("imu-nak-eremoteio", "no I²C transfer is acknowledged any more (EREMOTEIO)", _lasting(errno.EREMOTEIO)),
+    _bus("imu-nak-enxio", "no I²C transfer is acknowledged any more (ENXIO)", _lasting(errno.ENXIO)),
+    _bus("imu-nak-eio", "every I²C transfer fails (EIO)", _lasting(errno.EIO)),
+    _bus("imu-arbitration-never-won", "every bus arbitration is lost (EAGAIN)", _lasting(errno.EAGAIN)),
+    _bus("imu-bus-stuck-short", "a bus line is held low for 0.2 s (ETIMEDOUT)", _lasting(errno.ETIMEDOUT), hold_s=0.2),
+    _bus("imu-bus-stuck", "a bus line is held low for 3 s (ETIMEDOUT)", _lasting(errno.ETIMEDOUT), hold_s=3.0),
     _tolerated(
         "imu-bus-stuck-until-opened",
-        "a line is held low until the bus is opened anew (ETIMEDOUT)",
+        "a bus line is held low until the driver reopens the bus (ETIMEDOUT)",
         _lasting(errno.ETIMEDOUT, until_opened=True),
-        "opening the bus anew is the next rung of the ladder; the FIFO keeps the samples meanwhile",
+        "reopening the bus is the driver's next step after retries; the FIFO keeps the samples meanwhile",
         "bus",
     ),
-    _bus("imu-reads-ones", "the data line is lost: every byte reads 0xFF", _answering(0xFF)),
+    _bus("imu-reads-ones", "the data line is disconnected: every byte reads 0xFF", _answering(0xFF)),
     _bus("imu-reads-zeros", "the data line is shorted: every byte reads 0x00", _answering(0x00)),
 )
 
 CHIP_FAULTS = (
     _chip_fault(
         "imu-brown-out",
-        "power dips: all registers at their reset values, asleep, no error on the bus",
+        "the supply voltage drops: all registers return to their reset values, asleep, no bus error",
         _chip(lambda chip: chip.brown_out()),
     ),
     _chip_fault(
         "imu-brown-out-loop",
-        "power dips every 0.4 s for 3 s",
+        "the supply voltage drops every 0.4 s for 3 s",
         _again_and_again(lambda chip: chip.brown_out(), 0.4),
         hold_s=3.0,
     ),
     _chip_fault(
         "imu-asleep",
-        "a disturbed write puts the chip to sleep",
+        "a corrupted write puts the chip to sleep",
         _chip(_write(Register.PWR_MGMT_1, Power.SLEEP | Power.PLL_GYRO_X)),
     ),
     _chip_fault(
         "imu-frozen",
-        "the sensor values stand still while FIFO and data-ready go on",
+        "the sensor values never change while FIFO and data-ready go on",
         _chip(lambda chip: chip.freeze(), lambda chip: chip.freeze(False)),
         limit_s=FRAME_FLAG_S,
     ),
     _chip_fault(
         "imu-other-chip",
-        "the chip restarts as one that no public register map describes (WHO_AM_I 0x72)",
+        "the chip restarts with an identity that no public register map describes (WHO_AM_I 0x72)",
         _chip(_become(0x72), _become(0x68)),
     ),
     _chip_fault(
         "imu-held-0.3s",
-        "the chip stretches the clock for 0.3 s: the reader hangs, the FIFO keeps 30 samples",
+        "the chip stretches the bus clock for 0.3 s: the reader waits, the FIFO keeps 30 samples",
         _chip(lambda _chip: time.sleep(0.3)),
     ),
     _chip_fault(
         "imu-fifo-overflow",
-        "the chip stretches the clock for 0.9 s: the FIFO overflows",
+        "the chip stretches the bus clock for 0.9 s: the FIFO overflows",
         _chip(lambda _chip: time.sleep(0.9)),
     ),
     _tolerated(
         "imu-fifo-flushed",
-        "the FIFO is emptied once behind the driver's back",
+        "the FIFO is emptied once without the driver knowing",
         _chip(_flush_fifo),
-        "a sample or two are lost and counted; the gap is shorter than what makes the attitude doubtful",
+        "one or two samples are lost and counted; so short a gap leaves the attitude valid",
         "chip",
     ),
     Fault(
@@ -218,21 +225,21 @@ CHIP_FAULTS = (
         act=_again_and_again(_flush_fifo, 0.025),
         expect=Expect.HONEST,
         hold_s=2.0,
-        reason="part of the samples still comes; whether they suffice is for the attitude to say",
+        reason="some samples still arrive; the attitude filter decides whether they suffice",
         touches="chip",
     ),
     Fault(
         name="imu-fifo-misaligned",
         layer=Layer.IMU,
-        how="one byte leaves the FIFO unseen, so that all frames after it are shifted",
+        how="one byte is lost from the FIFO, so that all samples after it are shifted",
         act=_chip(_lose_a_byte),
         expect=Expect.HONEST,
-        reason="the driver throws the FIFO away: some samples less",
+        reason="the driver detects it and empties the FIFO: some samples are lost",
         touches="chip",
     ),
     _chip_fault(
         "imu-accel-range-flipped",
-        "ACCEL_CONFIG loses a bit: accelerations read half of what they are",
+        "a bit flips in ACCEL_CONFIG: accelerations read half of what they are",
         _chip(_write(Register.ACCEL_CONFIG, 0x10), _write(Register.ACCEL_CONFIG, _ACCEL_RANGE_CODE)),
         limit_s=MOTION_FLAG_S,
         hold_s=4.0,
@@ -240,7 +247,7 @@ CHIP_FAULTS = (
     ),
     _chip_fault(
         "imu-gyro-range-flipped",
-        "GYRO_CONFIG loses a bit: rates read half of what they are",
+        "a bit flips in GYRO_CONFIG: rates read half of what they are",
         _chip(_write(Register.GYRO_CONFIG, 0x10), _write(Register.GYRO_CONFIG, _GYRO_RANGE_CODE)),
         limit_s=MOTION_FLAG_S,
         hold_s=4.0,
@@ -249,12 +256,12 @@ CHIP_FAULTS = (
     Fault(
         name="imu-filter-flipped",
         layer=Layer.IMU,
-        how="CONFIG changes: the low-pass filter delays by 19 ms in place of 5 ms",
+        how="a bit flips in CONFIG: the low-pass filter delays by 19 ms instead of 5 ms",
         act=_chip(_write(Register.CONFIG, 0x06), _write(Register.CONFIG, _FILTER_CODE)),
         expect=Expect.HONEST,
         hold_s=4.0,
         in_motion=True,
-        reason="found by the read-back of the configuration; until then the error is within what is stated",
+        reason="found when the configuration is read back; until then the error is within the stated uncertainty",
         touches="chip",
     ),
 )
@@ -264,21 +271,21 @@ CLOCK_FAULTS = (
         "imu-clock-fast-3",
         "the chip's clock runs 3 % fast",
         _clock(lambda _s: 1.03),
-        "the period is estimated, within ±4 %",
+        "the driver estimates the sample period, within ±4 %",
         "clock",
     ),
     _tolerated(
         "imu-clock-slow-3",
         "the chip's clock runs 3 % slow",
         _clock(lambda _s: 0.97),
-        "the period is estimated, within ±4 %",
+        "the driver estimates the sample period, within ±4 %",
         "clock",
     ),
     _tolerated(
         "imu-clock-drift",
         "the chip's clock drifts by 1 % in 1.5 s",
         _clock(lambda s: 1.0 + s / 150.0),
-        "the estimate follows",
+        "the estimated sample period follows",
         "clock",
     ),
     Fault(
@@ -289,46 +296,50 @@ CLOCK_FAULTS = (
         expect=Expect.HONEST,
         hold_s=5.0,
         in_motion=True,
-        reason="rates and times are off by 8 %; the ground is right or refused",
+        reason="rates and times are wrong by 8 %; the ground is right or marked invalid",
         touches="clock",
     ),
 )
 
 
-def _late_edges(share: float, latest_s: float) -> Tamper:
-    def late(bench: Bench, share: float, latest_s: float) -> None:
-        bench.data_ready.late_share, bench.data_ready.latest_s = share, latest_s
+def _late_edges(share: float, latest_s: float) -> HardwareAction:
+    def late(hardware: FaultyHardware, share: float, latest_s: float) -> None:
+        hardware.data_ready.late_share, hardware.data_ready.latest_s = share, latest_s
 
-    return Tamper(lambda bench: late(bench, share, latest_s), lambda bench: late(bench, *USUAL_LATENESS))
+    return HardwareAction(
+        lambda hardware: late(hardware, share, latest_s), lambda hardware: late(hardware, *USUAL_LATENESS)
+    )
 
 
 LINE_FAULTS = (
     _tolerated(
         "imu-line-cut",
         "the data-ready wire breaks",
-        Tamper(lambda bench: bench.data_ready.cut(), lambda bench: bench.data_ready.cut(False)),
-        "the chip is polled, and the FIFO keeps what comes meanwhile",
+        HardwareAction(lambda hardware: hardware.data_ready.cut(), lambda hardware: hardware.data_ready.cut(False)),
+        "the driver polls the chip, and the FIFO keeps the samples meanwhile",
         "line",
     ),
     _tolerated(
         "imu-line-gone",
-        "the GPIO chip of the data-ready line vanishes (ENODEV)",
-        Tamper(lambda bench: bench.data_ready.take_away(), lambda bench: bench.data_ready.take_away(False)),
-        "the chip is polled, and the FIFO keeps what comes meanwhile",
+        "the GPIO controller of the data-ready line disappears (ENODEV)",
+        HardwareAction(
+            lambda hardware: hardware.data_ready.take_away(), lambda hardware: hardware.data_ready.take_away(False)
+        ),
+        "the driver polls the chip, and the FIFO keeps the samples meanwhile",
         "line",
     ),
     _tolerated(
         "imu-edges-lost",
         "twenty data-ready edges in a row are lost",
-        Tamper(lambda bench: bench.data_ready.lose(20)),
-        "the FIFO keeps the samples; the line is not waited for without end",
+        HardwareAction(lambda hardware: hardware.data_ready.lose(20)),
+        "the FIFO keeps the samples; the driver waits for the line only for a limited time",
         "line",
     ),
     _tolerated(
         "imu-edges-late",
-        "half of the data-ready interrupts are served up to 8 ms late",
+        "half of the data-ready interrupts are handled up to 8 ms late",
         _late_edges(0.5, 0.008),
-        "the sample clock believes the early ones",
+        "the sample clock relies on the earliest interrupts",
         "line",
     ),
 )

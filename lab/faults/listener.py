@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 import zenoh
 
+from lab.faults.criteria import STALE_S, Errors, errors_of, flags, ground_errors, is_wrong_attitude
 from lab.faults.daemon_process import DEVICE
-from lab.faults.judgement import STALE_S, Errors, errors_of, flags, ground_errors, is_wrong_attitude
 from messages import TOPICS, Attitude, GroundPlane, GroundTruth, Health, Reason, Stamp, Status
 from messages.can_frames import CanFrame
 from messages.can_receiver import GroundReceiver, ReceivedGround
@@ -18,8 +18,8 @@ from messages.codec import decode
 from sim_rig.wearer import SimulatedWearer
 
 _NOTHING_OFF = Errors(0.0, 0.0, False)
-_PROMPT_NS = 25_000_000
-_KEPT = 4096
+_PROMPT_NS = 25_000_000  # without `take` for so long, half a frame, the listener itself was late
+_KEPT = 4096  # messages of each kind: three minutes of grounds
 
 
 class Heard(NamedTuple):

@@ -1,21 +1,21 @@
-"""The catalogue's surroundings: CAN, Zenoh and the host that the daemon runs on."""
+"""Faults around the daemon: CAN, Zenoh and the host that it runs on."""
 
-from lab.faults.adapter import PtyAdapter
-from lab.faults.fault import USB_RECOVERY_S, Expect, Fault, Layer, Outside, Tamper
+from lab.faults.can_adapter import SimulatedCanAdapter
+from lab.faults.fault import USB_RECOVERY_S, Expect, Fault, HardwareAction, Layer, OutsideAction
 
-_PERCEPTION_GOES_ON = "sending never blocks perception: Zenoh goes on, and CAN does once the cause is gone"
+_PERCEPTION_GOES_ON = "sending never blocks perception: Zenoh goes on, and CAN resumes when the cause is gone"
 
 
-def _adapter(switch: str) -> Outside:
+def _adapter(switch: str) -> OutsideAction:
     """Turn a switch of the adapter on and off."""
 
-    def turn(adapter: PtyAdapter, on: bool) -> None:
+    def turn(adapter: SimulatedCanAdapter, on: bool) -> None:
         setattr(adapter, switch, on)
 
-    return Outside(lambda around: turn(around.adapter, True), lambda around: turn(around.adapter, False))
+    return OutsideAction(lambda around: turn(around.adapter, True), lambda around: turn(around.adapter, False))
 
 
-def _can(name: str, how: str, act: Outside, hold_s: float = 1.5, recovery_s: float = 2.0) -> Fault:
+def _can(name: str, how: str, act: OutsideAction, hold_s: float = 1.5, recovery_s: float = 2.0) -> Fault:
     return Fault(
         name=name,
         layer=Layer.CAN,
@@ -32,37 +32,44 @@ def _can(name: str, how: str, act: Outside, hold_s: float = 1.5, recovery_s: flo
 CAN_FAULTS = (
     _can(
         "can-adapter-gone",
-        "the adapter is unplugged for 2 s and comes back as another terminal under its lasting name",
-        Outside(lambda around: around.adapter.unplug(), lambda around: around.adapter.plug_in()),
+        "the CAN adapter is unplugged for 2 s and returns as another terminal device under its /dev/serial/by-id name",
+        OutsideAction(lambda around: around.adapter.unplug(), lambda around: around.adapter.plug_in()),
         2.0,
         USB_RECOVERY_S,
     ),
-    _can("can-adapter-stuck", "the adapter takes nothing for 8 s, its port runs full", _adapter("stuck"), 8.0),
-    _can("can-flood", "2,000 foreign frames a second", _adapter("flooding")),
-    _can("can-garbage", "10,000 bytes a second that are no frames", _adapter("babbling")),
-    _can("can-ankle-corrupted", "each state of the ankle has a bit flipped", _adapter("ankle_corrupted")),
-    _can("can-ankle-replayed", "one state of the ankle is sent over and over", _adapter("ankle_replayed")),
+    _can(
+        "can-adapter-stuck",
+        "the CAN adapter stops accepting data for 8 s; its port's buffer fills up",
+        _adapter("stuck"),
+        8.0,
+    ),
+    _can("can-flood", "2,000 CAN frames a second from other devices", _adapter("flooding")),
+    _can("can-garbage", "10,000 bytes a second that are not CAN frames", _adapter("sending_garbage")),
+    _can("can-ankle-corrupted", "every ankle state message has a flipped bit", _adapter("ankle_corrupted")),
+    _can("can-ankle-replayed", "the same ankle state message is sent over and over", _adapter("ankle_replayed")),
 )
 
 ZENOH_FAULTS = (
     Fault(
         name="zenoh-subscriber-asleep",
         layer=Layer.ZENOH,
-        how="a subscriber to everything is stopped and takes nothing any more",
-        act=Outside(lambda around: around.start_subscribers(1, asleep=True), lambda around: around.end_programs()),
+        how="a subscriber to all topics is stopped and no longer reads",
+        act=OutsideAction(
+            lambda around: around.start_subscribers(1, asleep=True), lambda around: around.end_programs()
+        ),
         expect=Expect.TOLERATED,
         hold_s=4.0,
-        reason="what it does not take is dropped for it alone",
+        reason="messages it does not read are dropped for it alone",
         touches="zenoh",
     ),
     Fault(
         name="zenoh-subscriber-flood",
         layer=Layer.ZENOH,
-        how="40 sessions subscribe to everything at once",
-        act=Outside(lambda around: around.start_subscribers(40), lambda around: around.end_programs()),
+        how="40 sessions subscribe to all topics at once",
+        act=OutsideAction(lambda around: around.start_subscribers(40), lambda around: around.end_programs()),
         expect=Expect.HONEST,
         hold_s=4.0,
-        reason="their sessions cost the two cores what they cost; frames may be given up, never sent late",
+        reason="the sessions need processor time; frames may be dropped, never sent late",
         touches="zenoh",
     ),
 )
@@ -72,11 +79,11 @@ def _paused(seconds: float) -> Fault:
     return Fault(
         name=f"host-paused-{seconds:g}s",
         layer=Layer.HOST,
-        how=f"SIGSTOP, and SIGCONT {seconds:g} s later",
-        act=Outside(lambda around: around.pause_daemon(), lambda around: around.resume_daemon()),
+        how=f"the daemon is stopped by SIGSTOP for {seconds:g} s",
+        act=OutsideAction(lambda around: around.pause_daemon(), lambda around: around.resume_daemon()),
         expect=Expect.SILENT,
         hold_s=seconds,
-        reason="who is stopped cannot speak; the consumer's own age limit is the flag",
+        reason="a stopped daemon sends nothing; the consumer's own age limit shows it",
         touches="process",
     )
 
@@ -85,11 +92,11 @@ def _busy(count: int) -> Fault:
     return Fault(
         name=f"host-busy-{count}",
         layer=Layer.HOST,
-        how=f"{count} other program{'s' if count > 1 else ''} computing without end",
-        act=Outside(lambda around: around.start_busy_programs(count), lambda around: around.end_programs()),
+        how=f"{count} other program{'s' if count > 1 else ''} use all processor time they get",
+        act=OutsideAction(lambda around: around.start_busy_programs(count), lambda around: around.end_programs()),
         expect=Expect.HONEST,
         hold_s=4.0,
-        reason="two cores are shared with the rig; frames may be given up, never sent late",
+        reason="the processor is shared with the simulation; frames may be dropped, never sent late",
         touches="processor",
     )
 
@@ -98,10 +105,12 @@ def _wall_clock(word: str, by_s: float) -> Fault:
     return Fault(
         name=f"host-wall-clock-{word}",
         layer=Layer.HOST,
-        how=f"CLOCK_REALTIME is set {word} by an hour, as the process sees it",
-        act=Tamper(lambda bench: bench.shift_wall_clock(by_s), lambda bench: bench.shift_wall_clock(0.0)),
+        how=f"the wall clock (CLOCK_REALTIME) is set {word} by an hour, as the process sees it",
+        act=HardwareAction(
+            lambda hardware: hardware.shift_wall_clock(by_s), lambda hardware: hardware.shift_wall_clock(0.0)
+        ),
         expect=Expect.TOLERATED,
-        reason="every time is of CLOCK_MONOTONIC; a reception stamp that makes no sense is not believed",
+        reason="all times are of CLOCK_MONOTONIC; an implausible reception time is not used",
         touches="wall clock",
     )
 
@@ -112,33 +121,35 @@ HOST_FAULTS = (
     Fault(
         name="host-killed",
         layer=Layer.HOST,
-        how="SIGKILL; the service manager starts the daemon again while the wearer walks",
-        act=Outside(lambda around: around.kill_daemon(), lambda around: around.restart()),
+        how="the daemon is killed by SIGKILL; the service manager restarts it while the wearer walks",
+        act=OutsideAction(lambda around: around.kill_daemon(), lambda around: around.restart()),
         expect=Expect.SILENT,
         hold_s=0.5,
         recovery_s=USB_RECOVERY_S,
-        reason="who is dead cannot speak; the consumer's own age limit is the flag",
+        reason="a killed daemon sends nothing; the consumer's own age limit shows it",
     ),
     _busy(1),
     _busy(2),
     Fault(
         name="host-memory",
         layer=Layer.HOST,
-        how="another program takes 1 GB and touches it",
-        act=Outside(lambda around: around.start_greedy_program(1 << 30), lambda around: around.end_programs()),
+        how="another program allocates 1 GB of memory and writes to it",
+        act=OutsideAction(lambda around: around.start_greedy_program(1 << 30), lambda around: around.end_programs()),
         expect=Expect.TOLERATED,
         hold_s=3.0,
-        reason="there is memory enough; the service locks its own",
+        reason="there is enough memory, and the service locks its own",
         touches="processor",
     ),
     Fault(
         name="host-interpreter-hogged",
         layer=Layer.HOST,
-        how="a thread of pure Python computes without end inside the daemon",
-        act=Tamper(lambda bench: bench.hog_interpreter(), lambda bench: bench.release_interpreter()),
+        how="a busy thread of pure Python runs inside the daemon",
+        act=HardwareAction(
+            lambda hardware: hardware.occupy_interpreter(), lambda hardware: hardware.release_interpreter()
+        ),
         expect=Expect.HONEST,
         hold_s=3.0,
-        reason="the interpreter is handed over every 0.5 ms; frames may be given up, never sent late",
+        reason="Python switches threads every 0.5 ms; frames may be dropped, never sent late",
         touches="processor",
     ),
     _wall_clock("forward", 3600.0),

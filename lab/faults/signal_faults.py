@@ -1,4 +1,4 @@
-"""The catalogue's IMU, continued: samples that are wrong without any error on the bus."""
+"""Faults of the IMU's samples: wrong values without any error on the bus."""
 
 import time
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.faults.fault import MOTION_FLAG_S, Expect, Fault, Layer, Tamper
+from lab.faults.fault import MOTION_FLAG_S, Expect, Fault, HardwareAction, Layer
 from sim_rig.imu.mpu6050_chip import Mpu6050Chip
 
 Counts = NDArray[np.int16]
@@ -47,14 +47,16 @@ def _creeping() -> Distortion:
     return lambda counts: _affine(0, 1.0, 0.02 * _LSB_PER_G * (time.monotonic() - began_s))(counts)
 
 
-def _distorting(make: Callable[[], Distortion]) -> Tamper:
+def _distorting(make: Callable[[], Distortion]) -> HardwareAction:
     def set_to(distortion: Distortion | None) -> Callable[[Mpu6050Chip], None]:
         def act(chip: Mpu6050Chip) -> None:
             chip.distortion = distortion
 
         return act
 
-    return Tamper(lambda bench: bench.chip.do(set_to(make())), lambda bench: bench.chip.do(set_to(None)))
+    return HardwareAction(
+        lambda hardware: hardware.chip.do(set_to(make())), lambda hardware: hardware.chip.do(set_to(None))
+    )
 
 
 def _contradiction(name: str, how: str, make: Callable[[], Distortion]) -> Fault:
@@ -72,23 +74,25 @@ def _contradiction(name: str, how: str, make: Callable[[], Distortion]) -> Fault
 
 
 def _flip(axis: str, column: int) -> Fault:
-    return _contradiction(f"imu-flip-{axis}", f"{axis} changes its sign", lambda: _affine(column, -1.0))
+    return _contradiction(f"imu-flip-{axis}", f"{axis} has the wrong sign", lambda: _affine(column, -1.0))
 
 
 SIGNAL_FAULTS = (
     *(_flip(axis, column) for axis, column in _AXES.items()),
-    _contradiction("imu-axes-swapped", "x and y of both sensors are exchanged", lambda: _swapped),
-    _contradiction("imu-gyro-scale", "gyro-y reads half as much again", lambda: _affine(5, 1.5)),
-    _contradiction("imu-accel-bias-jump", "accel-x jumps by 0.1 g", lambda: _affine(0, 1.0, 0.1 * _LSB_PER_G)),
+    _contradiction("imu-axes-swapped", "the x and y axes of both sensors are exchanged", lambda: _swapped),
+    _contradiction("imu-gyro-scale", "gyro-y reads 1.5 times the true rate", lambda: _affine(5, 1.5)),
+    _contradiction(
+        "imu-accel-bias-jump", "the bias of accel-x jumps by 0.1 g", lambda: _affine(0, 1.0, 0.1 * _LSB_PER_G)
+    ),
     Fault(
         name="imu-gyro-bias-jump",
         layer=Layer.IMU,
-        how="gyro-y jumps by 5 °/s",
+        how="the bias of gyro-y jumps by 5 °/s",
         act=_distorting(lambda: _affine(5, 1.0, 5.0 * _LSB_PER_DEG_PER_S)),
         expect=Expect.HONEST,
         hold_s=6.0,
         in_motion=True,
-        reason="a bias is what the attitude estimates all the time: it is absorbed or refused",
+        reason="the attitude filter estimates the bias: it corrects the jump or marks its output invalid",
         touches="counts",
     ),
     Fault(
@@ -99,25 +103,25 @@ SIGNAL_FAULTS = (
         expect=Expect.UNDETECTABLE,
         hold_s=5.0,
         in_motion=True,
-        reason="slower than what walking does to the mean of the accelerations: it looks like a tilt of the world",
+        reason="slower than walking changes the mean acceleration: it cannot be told from a slow tilt",
     ),
     Fault(
         name="imu-clipped",
         layer=Layer.IMU,
-        how="all three accelerations saturate for 0.5 s, as on a hard knock",
+        how="all three accelerations saturate for 0.5 s, as in a hard impact",
         act=_distorting(lambda: _saturated),
         expect=Expect.HONEST,
         hold_s=0.5,
-        reason="clipped samples say so themselves; the gyroscope bridges them",
+        reason="clipped samples are recognised; the gyroscope carries the attitude meanwhile",
         touches="counts",
     ),
     Fault(
         name="imu-temperature-jump",
         layer=Layer.IMU,
-        how="the die seems 30 °C hotter from one sample to the next",
+        how="the chip's temperature reads 30 °C higher from one sample to the next",
         act=_distorting(lambda: _affine(_TEMPERATURE, 1.0, 30.0 * _LSB_PER_DEGC)),
         expect=Expect.TOLERATED,
-        reason="temperature is told, not used",
+        reason="temperature is reported, not used",
         touches="counts",
     ),
 )

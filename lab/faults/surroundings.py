@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from lab.faults.adapter import PtyAdapter
+from lab.faults.can_adapter import SimulatedCanAdapter
 
 _SUBSCRIBERS = """
 import json, os, signal, sys, zenoh
@@ -29,7 +29,9 @@ time.sleep(3600)
 class Surroundings:
     """The daemon's process number and outlets, and the programs that faults have started."""
 
-    def __init__(self, adapter: PtyAdapter, endpoint: str, everything: str, restart: Callable[[], None]) -> None:
+    def __init__(
+        self, adapter: SimulatedCanAdapter, endpoint: str, everything: str, restart: Callable[[], None]
+    ) -> None:
         self.adapter = adapter
         self.restart = restart
         self.daemon_pid = 0

@@ -20,6 +20,7 @@ LASTING_FLAGS = 4
 LEAST_SHARE = 0.9
 """Of the frames due, this many must be heard while a fault is tolerated; the host may delay some."""
 _FRAME_S = 1.0 / TOPICS["ground"].rate_hz
+_FRESH_NS = 200_000_000  # the newest ground may be so old: four frames
 
 
 class Times(NamedTuple):
@@ -45,15 +46,15 @@ class Expectation(NamedTuple):
 
 
 class Measured(msgspec.Struct, frozen=True, kw_only=True):
-    """What a consumer heard. Times are NaN where nothing came; `flag_s` counts walking only, if so expected.
+    """What a consumer heard. Times are None where nothing came; `flag_s` counts walking only, if so expected.
 
     `wrong` and `stale` count grounds marked valid, on Zenoh and (wrong ones) on CAN; the worst errors are of those
     heard on Zenoh while the fault lasted and until it was over.
     """
 
-    flag_s: float
+    flag_s: float | None
     flag_reason: str
-    recovery_s: float
+    recovery_s: float | None
     frames: int
     flags: int
     wrong: int
@@ -87,7 +88,7 @@ def measure(
     flag_ns, reason = min(signals, default=(None, None))
     during = [h for h in heard if h.t_ns <= times.clear_ns]
     return Measured(
-        flag_s=math.nan if flag_ns is None else walked_s(times.inject_ns, flag_ns),
+        flag_s=None if flag_ns is None else walked_s(times.inject_ns, flag_ns),
         flag_reason="" if reason is None else reason.value,
         recovery_s=recovery_s(heard, can, times.clear_ns),
         frames=len(during),
@@ -114,12 +115,12 @@ def _flags(heard: Sequence[Heard]) -> bool:
     return any(h.flag for h in same)
 
 
-def recovery_s(heard: Sequence[Heard], on_can: Sequence[HeardOnCan], clear_ns: int) -> float:
-    """Return how long after `clear_ns` both outlets gave ground again; NaN if not, or not steadily."""
+def recovery_s(heard: Sequence[Heard], on_can: Sequence[HeardOnCan], clear_ns: int) -> float | None:
+    """Return how long after `clear_ns` both outlets gave ground again; None if not, or not steadily."""
     again_ns = _steady_from_ns([h for h in heard if h.t_ns > clear_ns])
     can_ns = next((c.t_ns for c in on_can if c.t_ns > clear_ns), None)
     if again_ns is None or can_ns is None:
-        return math.nan
+        return None
     return 1e-9 * (max(again_ns, can_ns) - clear_ns)
 
 
@@ -143,7 +144,7 @@ def is_steady(grounds: Sequence[Heard], since_ns: int, frames: int, now_ns: int)
         len(newest) == frames
         and newest[-1].t_ns > since_ns
         and not any(h.flag or h.errors.wrong for h in newest)
-        and newest[0].t_ns > now_ns - 200_000_000
+        and newest[0].t_ns > now_ns - _FRESH_NS
     )
 
 
@@ -151,25 +152,25 @@ def failures(expected: Expectation, found: Measured, hold_s: float) -> Iterator[
     """Yield why a trial did not end as it must."""
     listed = expected.expect is Expect.UNDETECTABLE
     if expected.expect is Expect.FLAGGED:
-        if math.isnan(found.flag_s):
+        if found.flag_s is None:
             yield "never flagged"
         elif found.flag_s > expected.limit_s:
             yield f"flagged after {1e3 * found.flag_s:.0f} ms"
     if expected.expect is Expect.TOLERATED:
         if found.flags:
-            yield f"dropped out for {found.flags} frames ({found.flag_reason})"
+            yield f"{found.flags} frames marked invalid ({found.flag_reason})"
         if found.frames < LEAST_SHARE * expected.share * hold_s / _FRAME_S - 1.0:
             yield f"only {found.frames} frames in {hold_s:g} s"
     if not listed:
         if found.wrong:
-            yield f"{found.wrong} wrong"
+            yield f"{found.wrong} wrong ground estimates"
         if found.wrong_on_can:
-            yield f"{found.wrong_on_can} wrong on CAN"
+            yield f"{found.wrong_on_can} wrong ground estimates on CAN"
         if found.wrong_attitudes:
             yield f"{found.wrong_attitudes} wrong attitudes"
     if found.stale:
-        yield f"{found.stale} stale"
-    if math.isnan(found.recovery_s):
+        yield f"{found.stale} ground estimates too old"
+    if found.recovery_s is None:
         yield "did not recover"
     elif found.recovery_s > expected.recovery_s:
         yield f"recovered after {found.recovery_s:.1f} s"

@@ -30,6 +30,9 @@ from messages.arrays import FloatArray, IntArray
 GRID: Final = 21  # sizes of each cause
 _SETTLED: Final = 0.01  # of a size, by which it no longer moves
 _SCALE_OF_RIDGE: Final = 5.0  # g m² below zero, from which on the bound tells the ridge's direction
+_FINE: Final = 1e-3  # of a range of sizes, and of a tolerance: what is printed tells no more
+_MOST_EVALUATIONS: Final = 150  # of the curves
+_OUTSIDE: Final = 1e3  # tolerances for the square of a whole range beyond its end: no fit leaves the range
 
 
 @dataclass(frozen=True)
@@ -95,13 +98,13 @@ def _ridge(every: Sequence[Columns]) -> FloatArray:
     """Return c (3, 19): what the bound does to the cells for each g m² of Jx below zero, the median over all runs."""
     free, bounded = (np.array([columns.cells(which) for columns in every]) for which in (False, True))
     below = -free[..., PINNED]
-    told = np.where(below > _SCALE_OF_RIDGE, below, np.nan)
-    if np.isnan(told).all(axis=0).any():  # no run met the bound: it moves Jx alone
+    met = below > _SCALE_OF_RIDGE
+    if not met.any(axis=0).all():  # at some rate no run met the bound: it moves Jx alone
         alone = np.zeros(free.shape[1:])
         alone[:, PINNED] = 1.0
         return alone
-    direction: FloatArray = np.nanmedian((bounded - free) / told[..., None], axis=0)
-    return direction
+    moved = bounded - free
+    return np.stack([np.median(moved[at, hz] / below[at, hz, None], axis=0) for hz, at in enumerate(met.T)])
 
 
 @dataclass(frozen=True)
@@ -293,12 +296,14 @@ def _continued(
     def cost(shares: FloatArray) -> float:
         cells = _moved(curves, sizes_of(shares), free_off, bounded) + (held_off if bounded else 0.0)
         outside = float(np.square(shares - np.clip(shares, 0.0, 1.0)).sum())
-        return Misfit.of(cells).fit + 1e3 * outside
+        return Misfit.of(cells).fit + _OUTSIDE * outside
 
     at = (np.array([start[name] for name in moving]) - low) / (high - low)
     if not moving:
         return dict(start)
-    found = minimize(cost, at, method="Nelder-Mead", options={"maxfev": 150, "xatol": 1e-3, "fatol": 1e-3})
+    found = minimize(
+        cost, at, method="Nelder-Mead", options={"maxfev": _MOST_EVALUATIONS, "xatol": _FINE, "fatol": _FINE}
+    )
     return sizes_of(found.x)
 
 

@@ -200,31 +200,19 @@ def judged(
     holds already is not simulated again.
     """
 
-    def simulated(hypotheses: list[dict[str, float]], what: str) -> None:
+    def simulate(hypotheses: Sequence[Sizes], what: str) -> None:
         wanted = [sizes for sizes in hypotheses if not study.holds(sizes)]
         shown(estimate_all(study, wanted, effort.processes), len(wanted), what)
 
     study.prepare()
-    simulated(first_hypotheses(names), "each cause")
+    simulate(first_hypotheses(names), "each cause")
     curves = Curves.of(study, names)
     grids = {bounded: Grid(curves, bounded) for bounded in (False, True)}
     scans = {bounded: grid.scan() for bounded, grid in grids.items()}
-
-    starts = {bounded: _worth_simulating(scan, effort.best) for bounded, scan in scans.items()}
-
-    def tuned(begun: Sequence[tuple[Sizes, bool]], what: str) -> list[Candidate]:
-        refinements = [Refinement(curves, sizes, bounded) for sizes, bounded in begun]
-        for step in range(ROUNDS):
-            moving = [refinement for refinement in refinements if not refinement.settled]
-            simulated([refinement.sizes for refinement in moving], f"{what}, {step + 1} of {ROUNDS}")
-            for refinement in moving:
-                refinement.take(study)
-        best = [refinement.best for refinement in refinements if refinement.best is not None]
-        return sorted(best, key=lambda c: c.misfit.fit)
-
-    found = tuned([(sizes, bounded) for bounded, those in starts.items() for sizes in those], "best hypotheses")
+    starts = [(sizes, bounded) for bounded, scan in scans.items() for sizes in _worth_simulating(scan, effort.best)]
+    found = _tuned(study, curves, starts, simulate, "best hypotheses")
     drawn = list(random_pairs(scans[True], effort.random, study.seed))
-    simulated(drawn, "random pairs")
+    simulate(drawn, "random pairs")
     singles = {(c.names, c.bounded): c for bounded, scan in scans.items() for c in _all_singles(curves, scan, bounded)}
     singles.update({(c.names, c.bounded): c for c in found if len(c.names) == 1})
     pairs = [c for c in found if len(c.names) == 2]
@@ -234,7 +222,7 @@ def judged(
         base=Candidate({}, True, Misfit.of(study.columns({}).cells(True)), True),
         singles=tuple(sorted(singles.values(), key=lambda c: c.misfit.fit)),
         pairs=tuple(pairs),
-        triples=tuple(tuned(thirds, "a third cause")),
+        triples=tuple(_tuned(study, curves, thirds, simulate, "a third cause")),
         random=tuple(_as_simulated(study, sizes) for sizes in drawn),
         all_pairs=np.sqrt(scans[True].pair[np.triu_indices(len(names), 1)] / cells),
         flipped=grids[True].best_of_flipped(effort.flips + 1, study.seed),
@@ -243,6 +231,24 @@ def judged(
         seed=study.seed,
         seconds=study.seconds,
     )
+
+
+def _tuned(
+    study: Study,
+    curves: Curves,
+    starts: Sequence[tuple[Sizes, bool]],
+    simulate: Callable[[Sequence[Sizes], str], None],
+    what: str,
+) -> list[Candidate]:
+    """Return the hypotheses with their sizes fitted to simulations of their own, in rising misfit."""
+    refinements = [Refinement(curves, sizes, bounded) for sizes, bounded in starts]
+    for step in range(ROUNDS):
+        moving = [refinement for refinement in refinements if not refinement.settled]
+        simulate([refinement.sizes for refinement in moving], f"{what}, {step + 1} of {ROUNDS}")
+        for refinement in moving:
+            refinement.take(study)
+    best = [refinement.best for refinement in refinements if refinement.best is not None]
+    return sorted(best, key=lambda c: c.misfit.fit)
 
 
 def _worth_simulating(scan: Scan, count: int) -> list[dict[str, float]]:

@@ -1,7 +1,7 @@
 """A plane through the foothold region, fitted in disparity space, where the matching noise is even.
 
 A plane z = a x + b y − h in H (a, b its gradient, h the height of the optical centre above its intercept; the
-seed's Eq. 7 with a, b negated) is seen by the ray r with the disparity
+thesis's Eq. 7 with a, b negated) is seen by the ray r with the disparity
 
     d(r) = (f B / h) (a r_x + b r_y − r_z) = r · θ,      θ = (f B / h) (a, b, −1),                            (1)
 
@@ -127,7 +127,7 @@ class PlaneFitter:
             if np.count_nonzero(near) < _LEAST_PIXELS:
                 return None
             scale_px = 1.4826 * _weighted_median(misfit[near], weight[near])
-            # without a ceiling the scale of mere clutter would grow until all of it were inliers
+            # without a maximum the scale of mere clutter would grow until all of it were inliers
             scale_px = float(np.clip(scale_px, self.least_noise_px, self.most_noise_px))
             tukey = weight * np.clip(1.0 - (misfit / (4.685 * scale_px)) ** 2, 0.0, None) ** 2
             weighted = rays * tukey[:, None]

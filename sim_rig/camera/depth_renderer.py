@@ -1,6 +1,6 @@
 """What a depth camera sees: the exact depth of the ground, row by row, and then the errors of an active stereo pair.
 
-Along the ray r (z = 1) of a pixel a plane of ground has the inverse depth r·n / e with the eye's elevation e over it:
+Along the ray r (z = 1) of a pixel a plane of ground has the inverse depth r·n / e with its camera's height e over it:
 linear in the pixel's column, so a picture takes a few additions a pixel and piece of ground.
 """
 
@@ -135,7 +135,7 @@ def _column(values: FloatArray) -> FloatImage:
 
 
 def _hidden_from_the_right(disparity_px: FloatImage) -> BoolArray:
-    """Return where the right eye of the inner pair sees something nearer, or looks past its picture's border."""
+    """Return where the right camera of the inner pair sees something nearer, or looks past its picture's border."""
     seen_at = np.arange(DEPTH_WIDTH_PX, dtype=np.float32) - disparity_px
     nearest = np.minimum.accumulate(seen_at[:, ::-1], axis=1)[:, ::-1]
     hidden: BoolArray = (seen_at > nearest) | (seen_at < 0)

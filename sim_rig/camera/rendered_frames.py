@@ -56,7 +56,7 @@ class Scene:
         return Gait(scenario.world, scenario.legs, scenario.hip_height_m, self.seed, self.start_ns)
 
     def renderer(self) -> Renderer:
-        """Return the eyes."""
+        """Return the renderer of both cameras."""
         return Renderer(self.unit, self.scenario.world, self.gait(), self.seed)
 
 
@@ -96,14 +96,14 @@ class RenderedFrames:
     def collect(self) -> Iterator[Rendered]:
         """Yield what has been rendered since the last call. Raises DeviceError once the rendering process has ended."""
         if self._memory.closed:
-            raise DeviceError("rig camera: it is closed")
+            raise DeviceError("simulated camera: it is closed")
         try:
             while self._pipe.poll():
                 yield Rendered(*self._pipe.recv())
         except (EOFError, ConnectionResetError):
             self._process.join(_GOODBYE_S)
             code = self._process.exitcode
-            raise DeviceError(f"rig camera: its rendering process has ended (exit code {code})") from None
+            raise DeviceError(f"simulated camera: its rendering process has ended (exit code {code})") from None
 
     def wait(self, timeout_s: float) -> None:
         """Wait until there is something to collect."""

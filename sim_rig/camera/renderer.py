@@ -21,15 +21,15 @@ from sim_rig.walk.world import Segment, World
 
 _CELL = 8
 _ROWS, _COLUMNS = HEIGHT_PX // _CELL, WIDTH_PX // _CELL
-_REACH_M = 10.0
-_NEAREST_M = 0.05
-_FAR_M = 1e6
-_HORIZON = 1e-3
+_REACH_M = 10.0  # of ground that is drawn ahead; beyond, a camera that looks down sees none
+_NEAREST_M = 0.05  # ahead of the camera, from which on ground is drawn
+_FAR_M = 1e6  # in place of where a ray meets no ground
+_HORIZON = 1e-3  # of a ray's slope towards the ground, below which it counts as never meeting it
 
 _BLUR_ROWS, _BLUR_COLUMNS = 6, 5
 _LENS_BLUR_PX = 0.55
-_LEAST_BLUR_PX = 0.3
-_MOST_BLUR_PX = 12.0
+_LEAST_BLUR_PX = 0.3  # motion blur below it is not to be seen beside the lens's
+_MOST_BLUR_PX = 12.0  # a limit to the kernel's size
 
 _READ_NOISE = 0.9
 _SHOT_NOISE = 0.15  # deviation √(read² + (shot² · grey)): 1.7 grey levels at mid-grey
@@ -61,9 +61,9 @@ class Renderer:
         R_BL, p_BL = np.array(unit.X_BL.R), np.array(unit.X_BL.p_m)
         R_RL, p_RL = np.array(stereo.X_RL.R), np.array(stereo.X_RL.p_m)
         R_BR = R_BL @ R_RL.T
-        self._eyes = (
-            _Eye(stereo.left, R_BL, p_BL, unit.gain[0]),
-            _Eye(stereo.right, R_BR, p_BL - R_BR @ p_RL, unit.gain[1]),
+        self._cameras = (
+            _Camera(stereo.left, R_BL, p_BL, unit.gain[0]),
+            _Camera(stereo.right, R_BR, p_BL - R_BR @ p_RL, unit.gain[1]),
         )
         rows = _node_pixels(_ROWS)
         self._row_ns = np.rint((rows - (HEIGHT_PX - 1) / 2) * stereo.row_time_s * 1e9).astype(np.int64)
@@ -82,14 +82,14 @@ class Renderer:
         x_m = float(motion.p_WB_m[:, 0].min())
         ground = list(self._world.between(x_m + _NEAREST_M, x_m + _REACH_M))[::-1]
         rng = np.random.default_rng([self._seed, 4, index])
-        for eye, picture in zip(self._eyes, (left, right), strict=True):
-            view = _View(eye, motion)
+        for camera, picture in zip(self._cameras, (left, right), strict=True):
+            view = _View(camera, motion)
             self._picture.fill(_BACKGROUND)
             for segment in ground:  # far to near: along any ray that goes forward the nearest piece is drawn last
                 view.draw(segment, self._picture)
             sharp = cv2.GaussianBlur(self._picture, (3, 3), _LENS_BLUR_PX)
             blurred = view.blur(sharp, exposure_s) if self._effects.motion_blur else sharp  # type: ignore[arg-type]
-            cv2.multiply(blurred, eye.shade, dst=picture, scale=eye.gain / 255)
+            cv2.multiply(blurred, camera.shade, dst=picture, scale=camera.gain / 255)
             if self._effects.noise:
                 row, column = rng.integers(0, _NOISE_MARGIN, 2)
                 field = self._noise[row : row + HEIGHT_PX, column : column + WIDTH_PX]
@@ -97,7 +97,7 @@ class Renderer:
                 cv2.add(picture, noise, dst=picture, dtype=cv2.CV_8U)
 
 
-class _Eye:
+class _Camera:
     """One raw camera E: its pose in B, its rays at the nodes (rows, columns, 3) with z = 1, its shading."""
 
     def __init__(self, lens: Lens, R_BE: FloatArray, p_BE_m: FloatArray, gain: float) -> None:
@@ -116,14 +116,14 @@ class _Eye:
 
 
 class _View:
-    """One eye at one frame: where each node's row of the sensor was, and where its rays went."""
+    """One camera at one frame: where each node's row of the sensor was, and where its rays went."""
 
-    def __init__(self, eye: _Eye, motion: Motion) -> None:
-        self._eye = eye
+    def __init__(self, camera: _Camera, motion: Motion) -> None:
+        self._camera = camera
         self._motion = motion
-        self._R_WE = motion.R_WB @ eye.R_BE
-        self._o_W = motion.p_WB_m + motion.R_WB @ eye.p_BE_m
-        self._d_W = eye.rays_E @ self._R_WE.transpose(0, 2, 1)
+        self._R_WE = motion.R_WB @ camera.R_BE
+        self._o_W = motion.p_WB_m + motion.R_WB @ camera.p_BE_m
+        self._d_W = camera.rays_E @ self._R_WE.transpose(0, 2, 1)
         self._blur_rows, self._blur_columns = np.ix_(
             ((np.arange(_BLUR_ROWS) + 0.5) * _ROWS / _BLUR_ROWS).astype(int) + 1,
             ((np.arange(_BLUR_COLUMNS) + 0.5) * _COLUMNS / _BLUR_COLUMNS).astype(int) + 1,
@@ -131,7 +131,7 @@ class _View:
         self._depth_m = np.full((_BLUR_ROWS, _BLUR_COLUMNS), np.inf)
 
     def draw(self, segment: Segment, picture: GreyImage) -> None:
-        """Draw what of `segment` faces this eye over `picture`."""
+        """Draw what of `segment` faces this camera over `picture`."""
         length_m = segment.length_m
         along_x, along_z = (segment.x1_m - segment.x0_m) / length_m, (segment.z1_m - segment.z0_m) / length_m
         ox, oz = self._o_W[:, 0, None] - segment.x0_m, self._o_W[:, 2, None] - segment.z0_m
@@ -148,41 +148,9 @@ class _View:
         s_m = np.where(ahead, S / W_ahead, _FAR_M)
 
         seen = _cells_touching(s_m, length_m)
-        if not seen.any():
-            return
-        rows, columns = np.nonzero(seen)
-        top, bottom = int(rows.min()), int(rows.max()) + 1
-        left, right = int(columns.min()), int(columns.max()) + 1
-        c_m = C / W_ahead
-        self._note_depth(s_m, above_m / W_ahead, length_m)
-
-        rows_texels = max(1, round(length_m / TEXEL_M / 2**MAX_LEVEL)) << MAX_LEVEL
-        texel_m = length_m / rows_texels  # stretched so that both ends of the piece fall on texels at every level
-        middle = (left + right) // 2
-        levels = np.stack(
-            (
-                _levels(s_m, top, bottom, middle, texel_m),
-                _levels(c_m, top, bottom, middle, TEXEL_M),
-            )
-        )
-        changes = np.flatnonzero((np.diff(levels) != 0).any(axis=0)) + 1
-        for begin, end in zip((0, *changes), (*changes, bottom - top), strict=True):
-            row_level, column_level = (int(level) for level in levels[:, begin])
-            nodes = (slice(top + begin, top + end + 2), slice(left, right + 2))
-            touched = cv2.dilate(seen[nodes[0].start : nodes[0].stop - 2, left:right].astype(np.uint8), np.ones((3, 3)))
-            if not touched.any():  # a piece at the picture's corner need not show in every band of its box
-                continue
-            c_seen = c_m[nodes[0].start + 1 : nodes[0].stop - 1, left + 1 : right + 1][touched > 0]
-            origin, column_level = _column_origin(float(c_seen.min()), float(c_seen.max()), column_level)
-            W_band = W[nodes]
-            surface = canvas(segment.texture, rows_texels, segment.texture_phase, row_level, column_level)
-            _paint(
-                surface,
-                C[nodes] / (TEXEL_M * 2**column_level) - origin * W_band,
-                S[nodes] / (texel_m * 2**row_level),
-                W_band,
-                picture[(top + begin) * _CELL : (top + end) * _CELL, left * _CELL : right * _CELL],
-            )
+        if seen.any():
+            self._note_depth(s_m, above_m / W_ahead, length_m)
+            _paint_piece(segment, seen, _Hits(S, C, W, s_m, C / W_ahead), picture)
 
     def blur(self, sharp: GreyImage, exposure_s: float) -> GreyImage:
         """Return the picture smeared along each of 6×5 tiles' own image motion during the exposure."""
@@ -209,18 +177,64 @@ class _View:
     def _image_motion(self) -> FloatArray:
         """Return the velocity (rows, columns, 2) in px/s of the ground seen at each tile's centre: −ω×P − v in E."""
         rows = self._blur_rows[:, 0]
-        motion, eye = self._motion, self._eye
+        motion, camera = self._motion, self._camera
         w_B = motion.w_WB_B_radps[rows]
-        v_W = motion.v_WB_mps[rows] + np.einsum("nij,nj->ni", motion.R_WB[rows], np.cross(w_B, eye.p_BE_m))
-        w_E = w_B @ eye.R_BE
+        v_W = motion.v_WB_mps[rows] + np.einsum("nij,nj->ni", motion.R_WB[rows], np.cross(w_B, camera.p_BE_m))
+        w_E = w_B @ camera.R_BE
         v_E = np.einsum("nij,ni->nj", self._R_WE[rows], v_W)
-        rays = eye.rays_E[self._blur_rows, self._blur_columns]
+        rays = camera.rays_E[self._blur_rows, self._blur_columns]
         rate = -np.cross(w_E[:, None], rays) - v_E[:, None] / self._depth_m[..., None]
         motion_xy = rate[..., :2] - rays[..., :2] * rate[..., 2:]
         motion_px: FloatArray = np.einsum(
-            "rcij,rcj->rci", eye.px_per_ray(self._blur_rows, self._blur_columns), motion_xy
+            "rcij,rcj->rci", camera.px_per_ray(self._blur_rows, self._blur_columns), motion_xy
         )
         return motion_px
+
+
+@dataclass(frozen=True)
+class _Hits:
+    """Where the nodes' rays meet a piece of ground: along it s and across it c, homogeneous with W, and in metres."""
+
+    S: FloatArray
+    C: FloatArray
+    W: FloatArray
+    s_m: FloatArray
+    c_m: FloatArray
+
+
+def _paint_piece(segment: Segment, seen: BoolArray, at: _Hits, picture: GreyImage) -> None:
+    """Draw `segment` in the cells in which it is seen, in bands of rows of like texture reduction."""
+    rows, columns = np.nonzero(seen)
+    top, bottom = int(rows.min()), int(rows.max()) + 1
+    left, right = int(columns.min()), int(columns.max()) + 1
+    length_m = segment.length_m
+    rows_texels = max(1, round(length_m / TEXEL_M / 2**MAX_LEVEL)) << MAX_LEVEL
+    texel_m = length_m / rows_texels  # stretched so that both ends of the piece fall on texels at every level
+    middle = (left + right) // 2
+    levels = np.stack(
+        (
+            _levels(at.s_m, top, bottom, middle, texel_m),
+            _levels(at.c_m, top, bottom, middle, TEXEL_M),
+        )
+    )
+    changes = np.flatnonzero((np.diff(levels) != 0).any(axis=0)) + 1
+    for begin, end in zip((0, *changes), (*changes, bottom - top), strict=True):
+        row_level, column_level = (int(level) for level in levels[:, begin])
+        nodes = (slice(top + begin, top + end + 2), slice(left, right + 2))
+        touched = cv2.dilate(seen[nodes[0].start : nodes[0].stop - 2, left:right].astype(np.uint8), np.ones((3, 3)))
+        if not touched.any():  # a piece at the picture's corner need not show in every band of its box
+            continue
+        c_seen = at.c_m[nodes[0].start + 1 : nodes[0].stop - 1, left + 1 : right + 1][touched > 0]
+        origin, column_level = _column_origin(float(c_seen.min()), float(c_seen.max()), column_level)
+        W_band = at.W[nodes]
+        surface = canvas(segment.texture, rows_texels, segment.texture_phase, row_level, column_level)
+        _paint(
+            surface,
+            at.C[nodes] / (TEXEL_M * 2**column_level) - origin * W_band,
+            at.S[nodes] / (texel_m * 2**row_level),
+            W_band,
+            picture[(top + begin) * _CELL : (top + end) * _CELL, left * _CELL : right * _CELL],
+        )
 
 
 def _node_pixels(cells: int) -> FloatArray:

@@ -25,7 +25,7 @@ Scene = Callable[[int], tuple[GreyImage, GreyImage]]
 """The left and right picture of a frame, by its number since the node was made."""
 
 EyeScene = Callable[[int], tuple[GreyImage]]
-"""The picture of a frame of a camera with one eye."""
+"""The picture of a frame of a single camera."""
 
 DepthScene = Callable[[int], tuple[DepthImage]]
 """The depth image of a frame."""
@@ -68,7 +68,7 @@ class Fault(enum.Enum):
 
 
 class Mode(NamedTuple):
-    """One pixel format and size, YUYV or GREY with all eyes together, or Z16, and its frame rates."""
+    """One pixel format and size, YUYV or GREY with all images side by side, or Z16, and its frame rates."""
 
     code: str
     width: int

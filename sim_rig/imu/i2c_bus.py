@@ -26,7 +26,7 @@ class I2cChip(Protocol):
 
 
 class I2cWires:
-    """The two wires, the chips on them and the faults that befall them. `open` is what a driver calls.
+    """The two wires, the chips on them and their faults. `open` is what a driver calls.
 
     `elapse` is told how long each part of a transfer takes on the wires, in seconds (`time.sleep` for real time; a
     simulated clock's own; nothing by default). `smbus_only` refuses combined transfers as i2c-stub does.

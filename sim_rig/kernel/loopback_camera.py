@@ -16,7 +16,7 @@ _GREY_CHROMA = 128 << 8  # the high byte of a YUYV pixel, U or V
 
 
 class LoopbackCamera:
-    """Two eyes side by side, in YUYV, as a ZED delivers them. The size of one eye is `width_px` × `height_px`.
+    """Two images side by side, in YUYV, as a ZED delivers them. The size of one is `width_px` × `height_px`.
 
     Raises UserError if `path` is no node of v4l2loopback or is fed by another program.
     """
@@ -43,7 +43,7 @@ class LoopbackCamera:
             on_failure.pop_all()
 
     def show(self, left: GreyImage, right: GreyImage) -> None:
-        """Hand on one picture (height_px, width_px) of each eye; the kernel stamps it now."""
+        """Hand on the left and right picture (height_px, width_px); the kernel stamps them now."""
         width_px = left.shape[1]
         np.bitwise_or(left, _GREY_CHROMA, out=self._frame[:, :width_px], dtype=np.uint16)
         np.bitwise_or(right, _GREY_CHROMA, out=self._frame[:, width_px:], dtype=np.uint16)

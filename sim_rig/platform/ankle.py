@@ -59,7 +59,7 @@ class AnkleNoise:
     snr_db: float | None = None
 
 
-SEED_NOISE: Final = AnkleNoise()
+SENSOR_NOISE: Final = AnkleNoise()
 AT_15_DB: Final = AnkleNoise(snr_db=15.0)
 
 

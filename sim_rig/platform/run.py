@@ -161,6 +161,12 @@ def measured(
     )
 
 
+def anti_alias_taps() -> FloatArray:
+    """Return the linear-phase low pass of an instrument's anti-alias filter, at the model's rate."""
+    taps: FloatArray = firwin(_ANTI_ALIAS_TAPS, _ANTI_ALIAS_HZ, window=("kaiser", 8.0), fs=1.0 / STEP_S)
+    return taps
+
+
 def bare_plate_tare(rig: Rig) -> FloatArray:
     """Return the wrench (6,) of the bare plate at rest and level: what the tare takes away."""
     tare: FloatArray = Kinematics.at_rest(np.zeros((1, 3))).regressor[0] @ rig.plate.vector
@@ -182,6 +188,5 @@ def _sampled(fine: FloatArray, raw: bool) -> FloatArray:
     """Return every tenth of the samples (n, c), the anti-alias filter's half width on; unfiltered if `raw`."""
     if raw:
         return fine[_ANTI_ALIAS_TAPS // 2 :: OVERSAMPLING]
-    taps = firwin(_ANTI_ALIAS_TAPS, _ANTI_ALIAS_HZ, window=("kaiser", 8.0), fs=1.0 / STEP_S)
-    kept: FloatArray = upfirdn(taps, fine, down=OVERSAMPLING, axis=0)[_ANTI_ALIAS_TAPS // OVERSAMPLING :]
+    kept: FloatArray = upfirdn(anti_alias_taps(), fine, down=OVERSAMPLING, axis=0)[_ANTI_ALIAS_TAPS // OVERSAMPLING :]
     return kept

@@ -13,7 +13,7 @@ from messages.errors import UserError
 
 pytest.importorskip("mujoco")
 
-from lab.hidden.platform.extension import MECHANISMS
+from sim_rig.platform.extended.simulate import MECHANISMS
 from systems.platform import load
 
 

@@ -3,8 +3,6 @@
 Nothing here depends on how fast the machine is: limits of time are for `gaiteyes faults` on a machine of its own.
 """
 
-import math
-
 import pytest
 from typer.testing import CliRunner
 
@@ -12,7 +10,7 @@ from cli.main import app
 from lab.faults.campaign import Campaign, Trial
 from lab.faults.catalogue import CATALOGUE
 from lab.faults.report import CampaignReport, TrialReport
-from lab.faults.text import COLUMNS, line, row, summary
+from lab.faults.tables import COLUMNS, line, row, summary
 from messages import Reason
 
 FLAGS = {"imu-nak-eio": Reason.NO_IMU, "cam-frozen": Reason.FROZEN_FRAME, "cam-both-black": Reason.LOW_TEXTURE}
@@ -42,7 +40,7 @@ def test_a_fault_is_flagged_by_its_name_and_is_over(campaign: CampaignReport, na
     assert found is not None
     # a busy machine may lose the rig's frames, or the samples' punctuality, just then
     assert found.flag_reason in (reason.value, "no_frame", "no_imu", "late")
-    assert math.isfinite(found.recovery_s)
+    assert found.recovery_s is not None
     assert (found.wrong, found.wrong_on_can, found.wrong_attitudes) == (0, 0, 0)
 
 

@@ -19,6 +19,9 @@ from lab.hidden.imu.sensor import Unit, readings
 from messages.arrays import FloatArray
 from messages.constants import STANDARD_GRAVITY_MPS2
 
+Drawn = tuple[dict[str, object], dict[str, float]]
+"""What an effect changes in a unit, and the parameters that a verdict must tell."""
+
 SIZES: Final[Mapping[str, Sizes]] = {
     "time_offset": Sizes(5e-4, 2e-2, "s"),
     "clock_drift": Sizes(3e-5, 1e-3, "1"),
@@ -96,7 +99,7 @@ _SF_LSB_MPS2: Final = STANDARD_GRAVITY_MPS2 / 2048.0
 
 
 @dataclass(frozen=True)
-class _Room:
+class _Nuisance:
     """The nuisance of a case, the same in both recordings."""
 
     rate_hz: float
@@ -117,9 +120,9 @@ class _Room:
 def write(case: Case, folder: Path, held_out: Path) -> Truth:
     """Write both recordings of a case and return what they hide; everything follows from the case alone."""
     random = case.stream("effect")
-    room = _drawn_room(case.stream("room"))
+    nuisance = _drawn_nuisance(case.stream("room"))
     motions = {
-        purpose: _drawn_curve(case, purpose, room, seconds)
+        purpose: _drawn_curve(case, purpose, nuisance, seconds)
         for purpose, seconds in (("fit", _FIT_S), ("held_out", _HELD_OUT_S))
     }
     changes: dict[str, object] = {}
@@ -132,20 +135,20 @@ def write(case: Case, folder: Path, held_out: Path) -> Truth:
     unit = Unit(**changes)  # type: ignore[arg-type]
     shares = []
     for purpose, place, seconds in (("fit", folder, _FIT_S), ("held_out", held_out, _HELD_OUT_S)):
-        shares.append(_write_one(case, purpose, place, unit, room, motions[purpose], seconds))
+        shares.append(_write_one(case, purpose, place, unit, nuisance, motions[purpose], seconds))
     return Truth(
         system="imu",
         seed=case.seed,
         kind=Kind(case.kind),
         causes=tuple(causes),
-        nuisance={name: float(value) for name, value in vars(room).items()},
+        nuisance={name: float(value) for name, value in vars(nuisance).items()},
         effect_rms_over_noise=shares[0],
     )
 
 
-def _drawn_room(random: np.random.Generator) -> _Room:
+def _drawn_nuisance(random: np.random.Generator) -> _Nuisance:
     level, rate_hz = log_uniform(random, 0.5, 2.0), float(random.choice(_RATES_HZ))
-    return _Room(
+    return _Nuisance(
         rate_hz=rate_hz,
         reference_hz=float(random.choice(_REFERENCE_RATES_HZ)),
         w_noise_radps=level * 1.2e-4 * np.sqrt(0.5 * rate_hz),
@@ -162,16 +165,13 @@ def _drawn_room(random: np.random.Generator) -> _Room:
     )
 
 
-def _drawn_curve(case: Case, purpose: str, room: _Room, seconds: float) -> Curve:
+def _drawn_curve(case: Case, purpose: str, nuisance: _Nuisance, seconds: float) -> Curve:
     random = case.stream(f"{purpose}/motion")
-    swing = room.swing * log_uniform(random, 0.85, 1.2)
+    swing = nuisance.swing * log_uniform(random, 0.85, 1.2)
     return hand_moved(random, seconds, swing) if random.random() < 0.6 else swung(random, swing)
 
 
-def _drawn_effect(
-    name: str, size: float, random: np.random.Generator, curve: Curve
-) -> tuple[dict[str, object], dict[str, float]]:
-    """Return what it changes in a unit, and the parameters that the verdict must tell."""
+def _drawn_effect(name: str, size: float, random: np.random.Generator, curve: Curve) -> Drawn:
     vector = _axis_values(size, random)
     axes = np.flatnonzero(vector)
 
@@ -194,21 +194,13 @@ def _drawn_effect(
         gravity = STANDARD_GRAVITY_MPS2 + size * sign(random)
         return {"gravity_mps2": gravity}, {"value_mps2": gravity}
     if name == "low_pass":
-        which = int(random.integers(3))
-        cut_off = (size if which != 1 else np.inf, size * float(random.uniform(0.7, 1.4)) if which != 0 else np.inf)
-        pairs = zip(("gyro_hz", "acc_hz"), cut_off, strict=True)
-        return {"cut_off_hz": cut_off}, {key: value for key, value in pairs if np.isfinite(value)}
+        return _drawn_low_pass(size, random)
     if name == "vibration":
         mount_hz = np.full(3, np.inf)
         mount_hz[axes] = size * random.uniform(0.8, 1.25, len(axes))
         return {"mount_hz": mount_hz, "mount_damping": float(random.uniform(0.05, 0.2))}, told("{}_hz", mount_hz)
     if name == "clipping":
-        motion, t_s = Motion(curve, STANDARD_GRAVITY_MPS2, np.zeros(3)), np.arange(0.5, _FIT_S - 0.5, 0.005)
-        if random.random() < 0.5:
-            limit = float(np.quantile(np.abs(motion.turning(t_s)).max(axis=1), 1.0 - size))
-            return {"w_limit_radps": limit}, {"gyro_radps": limit}
-        limit = float(np.quantile(np.abs(motion.specific_force(t_s)).max(axis=1), 1.0 - size))
-        return {"sf_limit_mps2": limit}, {"acc_mps2": limit}
+        return _drawn_clipping(size, random, curve)
     key, form = {
         "gyro_bias": ("w_bias_radps", "{}_radps"),
         "gyro_bias_drift": ("w_drift_radps2", "{}_radps2"),
@@ -218,6 +210,23 @@ def _drawn_effect(
         "frame_rotation": ("turned_rad", "{}_rad"),
     }[name]
     return {key: vector}, told(form)
+
+
+def _drawn_low_pass(size: float, random: np.random.Generator) -> Drawn:
+    which = int(random.integers(3))
+    cut_off = (size if which != 1 else np.inf, size * float(random.uniform(0.7, 1.4)) if which != 0 else np.inf)
+    pairs = zip(("gyro_hz", "acc_hz"), cut_off, strict=True)
+    return {"cut_off_hz": cut_off}, {key: value for key, value in pairs if np.isfinite(value)}
+
+
+def _drawn_clipping(size: float, random: np.random.Generator, curve: Curve) -> Drawn:
+    """Return the limit that a share `size` of the fit recording's samples touches on some axis."""
+    motion, t_s = Motion(curve, STANDARD_GRAVITY_MPS2, np.zeros(3)), np.arange(0.5, _FIT_S - 0.5, 0.005)
+    if random.random() < 0.5:
+        limit = float(np.quantile(np.abs(motion.turning(t_s)).max(axis=1), 1.0 - size))
+        return {"w_limit_radps": limit}, {"gyro_radps": limit}
+    limit = float(np.quantile(np.abs(motion.specific_force(t_s)).max(axis=1), 1.0 - size))
+    return {"sf_limit_mps2": limit}, {"acc_mps2": limit}
 
 
 def _axis_values(size: float, random: np.random.Generator) -> FloatArray:
@@ -230,7 +239,7 @@ def _axis_values(size: float, random: np.random.Generator) -> FloatArray:
     return values
 
 
-def _drawn_matrix(name: str, size: float, random: np.random.Generator) -> tuple[dict[str, object], dict[str, float]]:
+def _drawn_matrix(name: str, size: float, random: np.random.Generator) -> Drawn:
     allowed = np.ones((3, 3), dtype=bool) if name == "g_sensitivity" else ~np.eye(3, dtype=bool)
     places = np.argwhere(allowed)
     if random.random() < 0.5:
@@ -248,21 +257,21 @@ def _write_one(
     purpose: str,
     folder: Path,
     unit: Unit,
-    room: _Room,
+    nuisance: _Nuisance,
     curve: Curve,
     seconds: float,
 ) -> float:
     """Write one recording; return the RMS of what the causes alter in it, over the noise."""
     noise, reference = case.stream(f"{purpose}/noise"), case.stream(f"{purpose}/reference")
-    count = int(seconds * room.rate_hz)
-    stamps_s = (np.arange(count) + room.jitter * noise.uniform(-1.0, 1.0, count)) / room.rate_hz
-    degC = room.start_degC + room.warming_degC * (1.0 - np.exp(-stamps_s / 25.0)) + np.sin(0.3 * stamps_s)
+    count = int(seconds * nuisance.rate_hz)
+    stamps_s = (np.arange(count) + nuisance.jitter * noise.uniform(-1.0, 1.0, count)) / nuisance.rate_hz
+    degC = nuisance.start_degC + nuisance.warming_degC * (1.0 - np.exp(-stamps_s / 25.0)) + np.sin(0.3 * stamps_s)
     ideal = readings(Unit(), curve, stamps_s, degC)
     read = readings(unit, curve, stamps_s, degC)
-    deviations = np.repeat((room.w_noise_radps, room.sf_noise_mps2), 3)
+    deviations = np.repeat((nuisance.w_noise_radps, nuisance.sf_noise_mps2), 3)
     limits = np.repeat((unit.w_limit_radps, unit.sf_limit_mps2), 3)
     altered = float(np.sqrt(np.mean(((np.clip(read, -limits, limits) - ideal) / deviations) ** 2)))
-    read = read + deviations * _coloured(noise, (count, 6), room)
+    read = read + deviations * _coloured(noise, (count, 6), nuisance)
     steps = np.repeat((_W_LSB_RADPS, _SF_LSB_MPS2), 3)
     read = steps * np.rint(np.clip(read, -limits, limits) / steps)
     if unit.outside[0] == "held_samples":
@@ -274,7 +283,7 @@ def _write_one(
         "t_s,gx_radps,gy_radps,gz_radps,ax_mps2,ay_mps2,az_mps2,temperature_degC",
         np.column_stack((stamps_s, read, degC)),
     )
-    _save(folder / "reference.csv", "t_s,qw,qx,qy,qz,px_m,py_m,pz_m", _seen(curve, unit, room, seconds, reference))
+    _save(folder / "reference.csv", "t_s,qw,qx,qy,qz,px_m,py_m,pz_m", _seen(curve, unit, nuisance, seconds, reference))
     return altered
 
 
@@ -287,26 +296,26 @@ def _held(read: FloatArray, share: float, random: np.random.Generator) -> FloatA
     return read
 
 
-def _coloured(random: np.random.Generator, shape: tuple[int, int], room: _Room) -> FloatArray:
+def _coloured(random: np.random.Generator, shape: tuple[int, int], nuisance: _Nuisance) -> FloatArray:
     """Return noise of unit deviation, white but for a part that `colour` weighs and `correlation_s` makes slow."""
-    memory = float(np.exp(-1.0 / (room.correlation_s * room.rate_hz)))
+    memory = float(np.exp(-1.0 / (nuisance.correlation_s * nuisance.rate_hz)))
     slow = lfilter((np.sqrt(1.0 - memory**2),), (1.0, -memory), random.standard_normal(shape), axis=0)
-    found: FloatArray = (random.standard_normal(shape) + room.colour * slow) / np.hypot(1.0, room.colour)
+    found: FloatArray = (random.standard_normal(shape) + nuisance.colour * slow) / np.hypot(1.0, nuisance.colour)
     return found
 
 
-def _seen(curve: Curve, unit: Unit, room: _Room, seconds: float, random: np.random.Generator) -> FloatArray:
+def _seen(curve: Curve, unit: Unit, nuisance: _Nuisance, seconds: float, random: np.random.Generator) -> FloatArray:
     """Return the reference's rows (m, 8): noisy, and without what the cameras lost."""
-    count = int(seconds * room.reference_hz)
-    t_s = np.arange(count) / room.reference_hz
+    count = int(seconds * nuisance.reference_hz)
+    t_s = np.arange(count) / nuisance.reference_hz
     motion = Motion(curve, unit.gravity_mps2, np.zeros(3))
-    wrong = Rotation.from_rotvec(room.attitude_noise_rad * random.standard_normal((count, 3)))
+    wrong = Rotation.from_rotvec(nuisance.attitude_noise_rad * random.standard_normal((count, 3)))
     x, y, z, w = (motion.attitude(t_s) * wrong).as_quat().T
-    p_m = motion.reference_position(t_s) + room.position_noise_m * random.standard_normal((count, 3))
+    p_m = motion.reference_position(t_s) + nuisance.position_noise_m * random.standard_normal((count, 3))
     rows = np.column_stack((t_s, w, x, y, z, p_m))
-    for _ in range(room.gaps):
+    for _ in range(nuisance.gaps):
         first = int(random.integers(count // 20, count - count // 10))
-        rows[first : first + int(random.uniform(0.05, 0.5) * room.reference_hz), 1:] = np.nan
+        rows[first : first + int(random.uniform(0.05, 0.5) * nuisance.reference_hz), 1:] = np.nan
     return rows
 
 

@@ -1,6 +1,7 @@
 """Recordings of the vibrating platform in which something is hidden: in MuJoCo's mechanics, or in its instruments."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -8,19 +9,15 @@ import numpy as np
 
 from impedance.recording.recording import PlatformRecording
 from lab.hidden.case import Case, TrueCause, Truth
-from lab.hidden.platform.drawn import (
-    EFFECTS,
-    NEEDS_FOOT,
-    NEEDS_KNOWN_PLATE,
-    OUTSIDE,
-    SIZES,
-    drawn,
-    together,
-)
-from lab.hidden.platform.laboratory import mechanics_of, recorded, reference_of
-from lab.hidden.platform.mechanics import Torques, ran
-from lab.hidden.platform.noise import PlateNoise
-from lab.hidden.platform.scene import SPAN_NM, Scene, scene, stepped, tones
+from lab.hidden.platform.drawn import EFFECTS, NEEDS_FOOT, NEEDS_KNOWN_PLATE, OUTSIDE, SIZES, Drawn, drawn
+from lab.hidden.platform.scene import nuisance, platform_unit, tones
+from messages.arrays import FloatArray
+from sim_rig.platform.extended.flaws import Flaws, combined
+from sim_rig.platform.extended.laboratory import Laboratory, Reference
+from sim_rig.platform.extended.mechanics import Torques
+from sim_rig.platform.extended.plate_noise import PlateNoise
+from sim_rig.platform.extended.unit import PlatformUnit, stepped
+from sim_rig.platform.run import SPAN_NM
 
 __all__ = ["EFFECTS", "LOOK_ALIKES", "OUTSIDE", "PAIRS", "SIZES", "write"]
 
@@ -68,68 +65,79 @@ the joint's height to 1e-6.
 
 def write(case: Case, folder: Path, held_out: Path) -> Truth:
     """Write both recordings of a case, and return its truth; everything is drawn from `case` alone."""
-    draws = case.stream("effects")
-    fields, told, sizes = [], [], []
-    for effect in case.effects:
-        sizes.append(SIZES[effect].drawn(draws))
-        changed, parameters = drawn(effect, sizes[-1], draws)
-        fields.append(changed)
-        told.append(parameters)
-    hidden = together(fields)
-    alone = any(effect in NEEDS_KNOWN_PLATE for effect in case.effects)
-    unit = scene(
-        case.stream("scene"),
-        with_foot=False if alone else True if any(effect in NEEDS_FOOT for effect in case.effects) else None,
-        known=True if alone else None,
-    )
-    if hidden.jumps:
-        unit = replace(unit, update_hz=sizes[case.effects.index("aliasing")])
-    mechanics = mechanics_of(unit, hidden)
-    span_nm = unit.amplitude * SPAN_NM
-    torques = stepped(case.stream("torques"), unit.update_hz, span_nm, DURATION_S)
-    other: Torques = (
-        stepped(case.stream("held_out/torques"), unit.update_hz, span_nm, HELD_OUT_S)
-        if hidden.jumps
-        else tones(case.stream("held_out/torques"), span_nm)
-    )
-    colour = PlateNoise(6, case.stream("colour"))
-    reference = None
-    for place, purpose, pushed, duration_s in (
-        (folder, "", torques, DURATION_S),
-        (held_out, "held_out/", other, HELD_OUT_S),
-    ):
-        fine = ran(mechanics, pushed, duration_s)
-        if reference is None:
-            reference = reference_of(fine, mechanics)
-        random = case.stream(f"{purpose}noise")
-        recording = recorded(unit, hidden, mechanics, fine, reference, colour, random, duration_s)
-        recording.save(place)
-        if not purpose:
-            fitted = recording
-    assert reference is not None
-    for parameters in told:
-        for name, value in parameters.items():
-            if np.isnan(value):
-                k, share = hidden.play or hidden.limit or (0, 0.0)
-                parameters[name] = float(share * (reference.deviation if hidden.play else reference.largest)[k])
-    causes = [
-        TrueCause(name=effect, parameters=parameters, size=size, unit=SIZES[effect].unit)
-        for effect, parameters, size in zip(case.effects, told, sizes, strict=True)
-    ]
-    if len(causes) > 1:
+    hidden = _hidden(case)
+    unit = _unit(case, hidden)
+    laboratory = Laboratory(unit, _flaws(hidden), PlateNoise(6, case.stream("colour")))
+    torques, held_out_torques = _torques(case, unit, jumps=laboratory.flaws.jumps)
+
+    fine = laboratory.ran(torques, DURATION_S)
+    hidden = [each.scaled(laboratory.reference(fine)) for each in hidden]
+    laboratory = replace(laboratory, flaws=_flaws(hidden))
+    recording = laboratory.recorded(fine, case.stream("noise"), DURATION_S)
+    recording.save(folder)
+    fine = laboratory.ran(held_out_torques, HELD_OUT_S)
+    laboratory.recorded(fine, case.stream("held_out/noise"), HELD_OUT_S).save(held_out)
+
+    if len(hidden) > 1:
         shares = []
-        for k in range(len(causes)):
-            less = together([each for other, each in enumerate(fields) if other != k])
-            other_mechanics = mechanics_of(unit, less)
-            fine = ran(other_mechanics, torques, DURATION_S)
-            random = case.stream("noise")
-            without = recorded(unit, less, other_mechanics, fine, reference, colour, random, DURATION_S)
-            shares.append(_difference(fitted, without, unit))
-        causes = [causes[int(k)] for k in np.argsort(shares)[::-1]]
-    return Truth(system=case.system, seed=case.seed, kind=case.kind, causes=tuple(causes), nuisance=unit.nuisance)
+        for each in hidden:
+            less = replace(laboratory, flaws=_flaws([other for other in hidden if other is not each]))
+            without = less.recorded(less.ran(torques, DURATION_S), case.stream("noise"), DURATION_S)
+            shares.append(_difference(recording, without, unit))
+        hidden = [hidden[k] for k in np.argsort(shares)[::-1]]
+    causes = tuple(each.cause for each in hidden)
+    return Truth(system=case.system, seed=case.seed, kind=case.kind, causes=causes, nuisance=nuisance(unit))
 
 
-def _difference(a: PlatformRecording, b: PlatformRecording, unit: Scene) -> float:
+@dataclass(frozen=True)
+class _Hidden:
+    """One effect of a case, as it was drawn."""
+
+    effect: str
+    size: float
+    drawn: Drawn
+
+    @property
+    def cause(self) -> TrueCause:
+        return TrueCause(self.effect, dict(self.drawn.parameters), self.size, SIZES[self.effect].unit)
+
+    def scaled(self, reference: Reference) -> "_Hidden":
+        """Return it with all that depends on how large the channels of the fit recording are."""
+        return replace(self, drawn=self.drawn.scaled(reference))
+
+
+def _hidden(case: Case) -> list[_Hidden]:
+    random = case.stream("effects")
+    hidden = []
+    for effect in case.effects:
+        size = SIZES[effect].drawn(random)
+        hidden.append(_Hidden(effect, size, drawn(effect, size, random)))
+    return hidden
+
+
+def _flaws(hidden: Sequence[_Hidden]) -> Flaws:
+    return combined([each.drawn.fields for each in hidden])
+
+
+def _unit(case: Case, hidden: Sequence[_Hidden]) -> PlatformUnit:
+    """Return a unit on which the case's effects can show; one that aliases is updated at the effect's size, Hz."""
+    bare = any(effect in NEEDS_KNOWN_PLATE for effect in case.effects)
+    loaded = any(effect in NEEDS_FOOT for effect in case.effects)
+    with_foot = False if bare else True if loaded else None
+    unit = platform_unit(case.stream("scene"), with_foot=with_foot, known=True if bare else None)
+    update_hz = next((each.size for each in hidden if each.effect == "aliasing"), unit.update_hz)
+    return replace(unit, update_hz=update_hz)
+
+
+def _torques(case: Case, unit: PlatformUnit, *, jumps: bool) -> tuple[Torques, Torques]:
+    """Return the fit recording's torques, and the held-out one's: tones, or steps too where steps are the effect."""
+    span_nm: FloatArray = unit.amplitude * np.array(SPAN_NM)
+    random = case.stream("held_out/torques")
+    other = stepped(random, unit.update_hz, span_nm, HELD_OUT_S) if jumps else tones(random, span_nm)
+    return stepped(case.stream("torques"), unit.update_hz, span_nm, DURATION_S), other
+
+
+def _difference(a: PlatformRecording, b: PlatformRecording, unit: PlatformUnit) -> float:
     """Return the RMS of what differs, each channel by its noise."""
     parts = [(a.wrench - b.wrench) / unit.wrench_noise, (a.plate.columns - b.plate.columns) / unit.pose_noise]
     if a.foot is not None and b.foot is not None:

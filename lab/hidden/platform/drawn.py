@@ -1,51 +1,19 @@
 """What can be hidden in a platform recording, how large it is drawn, and which parameters tell it."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from lab.hidden.case import Sizes, log_uniform, sign
+from lab.hidden.platform.outside import at_sensor, wobbling
 from messages.arrays import FloatArray
+from sim_rig.platform.extended.flaws import CHANNELS, Fields
+from sim_rig.platform.extended.laboratory import Reference
 
-CHANNELS: Final = ("fx", "fy", "fz", "tx", "ty", "tz")
 _AXES: Final = ("z", "x")
-
-
-@dataclass(frozen=True)
-class Hidden:
-    """All that is wrong with a unit; without arguments nothing is.
-
-    `play`, `limit` are (channel, share): of the channel's standard deviation, and of its largest reading, in the fit
-    recording. `tape_seen` is the share of the foot's rocking that its markers show. `outside` is a mechanism of no
-    library with its size.
-    """
-
-    delay_s: float = 0.0
-    lag_s: float = 0.0
-    drift: float = 0.0
-    smoothing_hz: float = np.inf
-    jumps: bool = False
-    matrix: FloatArray = field(default_factory=lambda: np.eye(6))
-    height_m: float = 0.0
-    turn_rad: FloatArray = field(default_factory=lambda: np.zeros(3))
-    foot_marker_m: FloatArray = field(default_factory=lambda: np.zeros(3))
-    joint_m: FloatArray = field(default_factory=lambda: np.zeros(3))
-    spring_nmprad: FloatArray = field(default_factory=lambda: np.zeros(2))
-    damper_nmsprad: FloatArray = field(default_factory=lambda: np.zeros(2))
-    friction_nm: FloatArray = field(default_factory=lambda: np.zeros(2))
-    masses: tuple[tuple[float, FloatArray], ...] = ()
-    play: tuple[int, float] | None = None
-    limit: tuple[int, float] | None = None
-    tape_hz: tuple[float, float] = (np.inf, np.inf)
-    tape_zeta: float = 0.0
-    tape_seen: float = 1.0
-    tare: FloatArray = field(default_factory=lambda: np.zeros(6))
-    step: tuple[float, float] = (0.0, 0.0)
-    lost_share: float = 0.0
-    position_scale: float = 0.0
-    outside: tuple[str, float] | None = None
 
 
 SIZES: Final[Mapping[str, Sizes]] = {
@@ -92,47 +60,59 @@ coarser than what the noise of the angles makes of them."""
 _TOLD_BY: Final = ("fx", "fy", "fz", "tx", "tz")
 """The plate hardly turns about y: no recording tells what is wrong with a moment of a few tenths of a newton metre."""
 
-Drawn = tuple[dict[str, object], dict[str, float]]
-"""Fields of `Hidden`, and parameters as a verdict names them."""
+Parameters = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What hides one effect: the fields of `Flaws` that it sets, and its parameters as a verdict names them.
+
+    `by_scale` gives both where they scale with the channels of the fit recording, which are known once that has run.
+    """
+
+    fields: Fields
+    parameters: Parameters
+    by_scale: Callable[[Reference], "Drawn"] | None = None
+
+    def scaled(self, reference: Reference) -> "Drawn":
+        """Return it for a fit recording whose channels are as large as `reference` says."""
+        return self if self.by_scale is None else self.by_scale(reference)
+
+
+Draw = Callable[[float, np.random.Generator], Drawn]
+"""From an effect's size to what hides it."""
 
 
 def drawn(effect: str, size: float, random: np.random.Generator) -> Drawn:
-    """Return what hides `effect` of a drawn `size`, and the truth of its parameters that are known beforehand."""
+    """Return what hides `effect` of a drawn `size`."""
+    if effect == "marker_wobble":
+        return Drawn({"at_markers": partial(wobbling, size)}, {})
     if effect in OUTSIDE:
-        return {"outside": (effect, size)}, {}
+        return Drawn({}, {}, lambda reference: Drawn({"at_sensor": at_sensor(effect, size, reference.scale)}, {}))
     return _DRAWS[effect](size, random)
-
-
-def together(fields: Sequence[Mapping[str, object]]) -> Hidden:
-    """Return what several effects hide together."""
-    hidden = Hidden()
-    for each in fields:
-        matrix = hidden.matrix + each.get("matrix", np.eye(6)) - np.eye(6)  # type: ignore[operator]
-        hidden = replace(hidden, **{**each, "matrix": matrix})
-    return hidden
 
 
 def _channel(random: np.random.Generator, among: tuple[str, ...] = _TOLD_BY) -> str:
     return str(random.choice(among))
 
 
-def _signed(field_name: str, parameter: str) -> Callable[[float, np.random.Generator], Drawn]:
+def _signed(field_name: str, parameter: str) -> Draw:
     def draw(size: float, random: np.random.Generator) -> Drawn:
         value = sign(random) * size
-        return {field_name: value}, {parameter: value}
+        return Drawn({field_name: value}, {parameter: value})
 
     return draw
 
 
-def _plain(field_name: str, parameter: str) -> Callable[[float, np.random.Generator], Drawn]:
-    return lambda size, _: ({field_name: size}, {parameter: size})
+def _plain(field_name: str, parameter: str) -> Draw:
+    return lambda size, _: Drawn({field_name: size}, {parameter: size})
 
 
 def _gain(size: float, random: np.random.Generator) -> Drawn:
     name, value = _channel(random), sign(random) * size
     matrix = np.eye(6)
     matrix[CHANNELS.index(name), CHANNELS.index(name)] += value
-    return {"matrix": matrix}, {name: value}
+    return Drawn({"matrix": matrix}, {name: value})
 
 
 def _crosstalk(size: float, random: np.random.Generator) -> Drawn:
@@ -140,27 +120,27 @@ def _crosstalk(size: float, random: np.random.Generator) -> Drawn:
     value = sign(random) * size
     matrix = np.eye(6)
     matrix[CHANNELS.index(of), CHANNELS.index(source)] += value
-    return {"matrix": matrix}, {f"{of}_from_{source}": value}
+    return Drawn({"matrix": matrix}, {f"{of}_from_{source}": value})
 
 
-def _along(field_name: str, unit: str) -> Callable[[float, np.random.Generator], Drawn]:
+def _along(field_name: str, unit: str) -> Draw:
     def draw(size: float, random: np.random.Generator) -> Drawn:
         axis, value = int(random.integers(3)), sign(random) * size
         vector = np.zeros(3)
         vector[axis] = value
-        return {field_name: vector}, {f"{'xyz'[axis]}_{unit}": value}
+        return Drawn({field_name: vector}, {f"{'xyz'[axis]}_{unit}": value})
 
     return draw
 
 
-def _strap(field_name: str, unit: str) -> Callable[[float, np.random.Generator], Drawn]:
+def _strap(field_name: str, unit: str) -> Draw:
     def draw(size: float, random: np.random.Generator) -> Drawn:
         axes = [(0,), (1,), (0, 1)][int(random.integers(3))]
         values = np.zeros(2)
         values[axes[0]] = size
         if len(axes) == 2:
             values[1] = size * random.uniform(0.5, 1.0)
-        return {field_name: values}, {f"{_AXES[axis]}_{unit}": float(values[axis]) for axis in axes}
+        return Drawn({field_name: values}, {f"{_AXES[axis]}_{unit}": float(values[axis]) for axis in axes})
 
     return draw
 
@@ -168,17 +148,28 @@ def _strap(field_name: str, unit: str) -> Callable[[float, np.random.Generator],
 def _mass(size: float, random: np.random.Generator) -> Drawn:
     place = random.uniform((-0.2, -0.05, -0.12), (0.2, 0.1, 0.12))
     told = dict(zip(("x_m", "y_m", "z_m"), place.tolist(), strict=True))
-    return {"masses": ((size, place),)}, {"mass_kg": size, **told}
+    return Drawn({"masses": ((size, place),)}, {"mass_kg": size, **told})
 
 
 def _play(size: float, random: np.random.Generator) -> Drawn:
     name = _channel(random, ("fx", "fz", "tx", "tz"))
-    return {"play": (CHANNELS.index(name), size)}, {name: np.nan}
+    return _share(name, "play", lambda reference: size * reference.deviation)
 
 
 def _limit(size: float, random: np.random.Generator) -> Drawn:
     name = _channel(random, ("fx", "fz", "tx", "tz"))
-    return {"limit": (CHANNELS.index(name), size)}, {name: np.nan}
+    return _share(name, "limit", lambda reference: size * reference.largest)
+
+
+def _share(name: str, field_name: str, sizes: Callable[[Reference], FloatArray]) -> Drawn:
+    """Return a flaw of one channel whose size is a share of what the fit recording shows there."""
+    channel = CHANNELS.index(name)
+
+    def by_scale(reference: Reference) -> Drawn:
+        size = float(sizes(reference)[channel])
+        return Drawn({field_name: (channel, size)}, {name: size})
+
+    return Drawn({}, {}, by_scale)
 
 
 def _tape(size: float, random: np.random.Generator) -> Drawn:
@@ -187,28 +178,28 @@ def _tape(size: float, random: np.random.Generator) -> Drawn:
     hz = ((size, np.inf), (np.inf, size), (size, other))[which]
     zeta = log_uniform(random, 0.03, 0.15)
     told = {f"{axis}_hz": value for axis, value in zip(_AXES, hz, strict=True) if np.isfinite(value)}
-    return {"tape_hz": hz, "tape_zeta": zeta, "tape_seen": float(random.integers(2))}, told
+    return Drawn({"tape_hz": hz, "tape_zeta": zeta, "tape_seen": float(random.integers(2))}, told)
 
 
 def _tare(size: float, random: np.random.Generator) -> Drawn:
     name, value = _channel(random, CHANNELS), sign(random) * size
     tare = np.zeros(6)
     tare[CHANNELS.index(name)] = value if name[0] == "f" else 0.2 * value
-    return {"tare": tare}, {name: float(tare[CHANNELS.index(name)])}
+    return Drawn({"tare": tare}, {name: float(tare[CHANNELS.index(name)])})
 
 
 def _rounding(size: float, random: np.random.Generator) -> Drawn:
     which = int(random.integers(3))
     step = ((size, 0.0), (0.0, 0.25 * size), (size, 0.25 * size))[which]
     told = {name: value for name, value in zip(("force_n", "torque_nm"), step, strict=True) if value > 0.0}
-    return {"step": step}, told
+    return Drawn({"step": step}, told)
 
 
-_DRAWS: Final[Mapping[str, Callable[[float, np.random.Generator], Drawn]]] = {
+_DRAWS: Final[Mapping[str, Draw]] = {
     "force_delay": _signed("delay_s", "value_s"),
     "force_lag": _plain("lag_s", "value_s"),
     "motion_smoothing": _plain("smoothing_hz", "value_hz"),
-    "aliasing": lambda size, _: ({"jumps": True}, {"update_hz": size}),
+    "aliasing": lambda size, _: Drawn({"jumps": True}, {"update_hz": size}),
     "force_gain": _gain,
     "crosstalk": _crosstalk,
     "reference_height": _signed("height_m", "value_m"),
@@ -225,6 +216,6 @@ _DRAWS: Final[Mapping[str, Callable[[float, np.random.Generator], Drawn]]] = {
     "clock_drift": _signed("drift", "rate"),
     "saturation": _limit,
     "quantisation": _rounding,
-    "dropped_samples": lambda size, _: ({"lost_share": size}, {"held": 1.0}),
+    "dropped_samples": lambda size, _: Drawn({"lost_share": size}, {"held": 1.0}),
     "position_scale": _signed("position_scale", "value"),
 }

@@ -8,8 +8,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from lab.hidden.platform.mechanics import RATE_HZ, STEP_S
 from messages.arrays import FloatArray
+from sim_rig.platform.extended.flaws import SensorChange
+from sim_rig.platform.rig import MOTION_HZ
+from sim_rig.platform.run import STEP_S
 
 _MAINS_HZ: Final = 50.0
 _CREEP_S: Final = 0.4
@@ -27,23 +29,19 @@ class _Load:
     scale: FloatArray
 
 
-def at_sensor(
-    name: str, size: float, t_s: FloatArray, wrench: FloatArray, scale: FloatArray, random: np.random.Generator
-) -> FloatArray:
-    """Return what becomes of a tared wrench (6, n) at `t_s`, 3500 a second.
+def at_sensor(name: str, size: float, scale: FloatArray) -> SensorChange:
+    """Return what the mechanism does to a wrench whose channels are as large as `scale` (6,) in the fit recording."""
 
-    `scale` (6,) is how large the fit recording's channels are, the same for both recordings of a unit.
-    """
-    change = _AT_SENSOR.get(name)
-    return wrench if change is None else wrench + change(size, _Load(t_s, wrench, scale[:, None]), random)
+    def changed(t_s: FloatArray, wrench: FloatArray, random: np.random.Generator) -> FloatArray:
+        return wrench + _AT_SENSOR[name](size, _Load(t_s, wrench, scale[:, None]), random)
+
+    return changed
 
 
-def at_markers(name: str, size: float, poses: FloatArray) -> FloatArray:
-    """Return what becomes of the plate's poses (6, n) at 350 Hz: with a wobble, its angles ring at `size` Hz."""
-    if name != "marker_wobble":
-        return poses
-    w = 2.0 * RATE_HZ * np.tan(np.pi * size / RATE_HZ)
-    k, d = 4.0 * RATE_HZ**2, 4.0 * RATE_HZ * _WOBBLE_ZETA * w
+def wobbling(size: float, poses: FloatArray) -> FloatArray:
+    """Return poses (6, n) at 350 Hz of markers on a springy mast: the plate's angles ring at `size` Hz."""
+    w = 2.0 * MOTION_HZ * np.tan(np.pi * size / MOTION_HZ)
+    k, d = 4.0 * MOTION_HZ**2, 4.0 * MOTION_HZ * _WOBBLE_ZETA * w
     denominator = [k + d + w**2, 2.0 * (w**2 - k), k - d + w**2]
     changed: FloatArray = poses.copy()
     level = poses[4:, :1]

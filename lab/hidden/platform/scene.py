@@ -1,69 +1,40 @@
 """The nuisances of a platform case: plate, foot, excitation, and the noise of its instruments."""
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from impedance.body.rigid_body import Inertia
 from lab.hidden.case import log_uniform
-from lab.hidden.platform.mechanics import STEP_S, Torques
 from messages.arrays import FloatArray
+from sim_rig.platform.extended.mechanics import Torques
+from sim_rig.platform.extended.unit import PlatformUnit
 from sim_rig.platform.rig import PLATE
 
-SPAN_NM: Final = np.array([220.0, 120.0])
-_POSITION_M, _ANGLE_RAD, _FORCE_N, _TORQUE_NM = 1e-4, 1e-5, 0.1, 0.05
-_HALF_S: Final = (-0.5 * STEP_S, 0.5 * STEP_S)
 _TONES: Final = 24
 _TONES_HZ: Final = (0.5, 32.0)
 
 
-@dataclass(frozen=True)
-class Scene:
-    """One unit in one laboratory. `known`: an earlier run told the plate's inertia. Noise is that of one sample."""
-
-    plate: Inertia
-    known: bool
-    foot: Inertia | None
-    foot_origin_m: FloatArray
-    joint_to_surface_m: float
-    amplitude: float
-    update_hz: float
-    noise_factor: float
-    declared: bool
-    coloured: bool
-
-    @property
-    def pose_noise(self) -> FloatArray:
-        """Return the standard deviations (6,) of a pose."""
-        return self.noise_factor * np.repeat((_POSITION_M, _ANGLE_RAD), 3)
-
-    @property
-    def wrench_noise(self) -> FloatArray:
-        """Return the standard deviations (6,) of a wrench."""
-        return self.noise_factor * np.repeat((_FORCE_N, _TORQUE_NM), 3)
-
-    @property
-    def nuisance(self) -> dict[str, float | bool | str]:
-        """Return what was drawn, for a reader."""
-        return {
-            "foot_kg": 0.0 if self.foot is None else self.foot.mass_kg,
-            "plate_known": self.known,
-            "joint_to_surface_m": self.joint_to_surface_m,
-            "amplitude": self.amplitude,
-            "update_hz": self.update_hz,
-            "noise_factor": self.noise_factor,
-            "noise_declared": self.declared,
-            "noise_colour": "plate at rest" if self.coloured else "white",
-        }
+def nuisance(unit: PlatformUnit) -> dict[str, float | bool | str]:
+    """Return what was drawn of a unit, for a reader."""
+    return {
+        "foot_kg": 0.0 if unit.foot is None else unit.foot.mass_kg,
+        "plate_known": unit.known,
+        "joint_to_surface_m": unit.joint_to_surface_m,
+        "amplitude": unit.amplitude,
+        "update_hz": unit.update_hz,
+        "noise_factor": unit.noise_factor,
+        "noise_declared": unit.declared,
+        "noise_colour": "plate at rest" if unit.coloured else "white",
+    }
 
 
-def scene(random: np.random.Generator, *, with_foot: bool | None, known: bool | None) -> Scene:
+def platform_unit(random: np.random.Generator, *, with_foot: bool | None, known: bool | None) -> PlatformUnit:
     """Return a unit; `with_foot` and `known` where the case prescribes them."""
     stands = bool(random.random() < 0.6) if with_foot is None else with_foot
     told = bool(random.integers(2)) if known is None else known
     foot, origin_m = _foot(random)
-    return Scene(
+    return PlatformUnit(
         plate=_plate(random),
         known=told or stands,
         foot=foot if stands else None,
@@ -75,23 +46,6 @@ def scene(random: np.random.Generator, *, with_foot: bool | None, known: bool | 
         declared=bool(random.integers(2)),
         coloured=bool(random.integers(2)),
     )
-
-
-def stepped(random: np.random.Generator, update_hz: float, span_nm: FloatArray, duration_s: float) -> Torques:
-    """Return torques drawn anew `update_hz` times a second within ± `span_nm` (2,), and held.
-
-    A step of the mechanics gets the mean over it, so that no jump waits for the next one.
-    """
-    levels = random.uniform(-1.0, 1.0, (int((duration_s + 4.0) * update_hz) + 2, 2)) * span_nm
-    drawn_s = np.arange(len(levels) + 1) / update_hz - 2.0
-    sums = np.vstack((np.zeros(2), np.cumsum(levels, axis=0))) / update_hz
-
-    def torques(t_s: FloatArray) -> FloatArray:
-        ends = [np.column_stack([np.interp(t_s + half_s, drawn_s, each) for each in sums.T]) for half_s in _HALF_S]
-        mean: FloatArray = (ends[1] - ends[0]) / STEP_S
-        return mean
-
-    return torques
 
 
 def tones(random: np.random.Generator, span_nm: FloatArray) -> Torques:

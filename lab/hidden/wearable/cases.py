@@ -13,8 +13,8 @@ import numpy as np
 
 from lab.hidden.case import Case, Kind, Sizes, TrueCause, Truth, log_uniform
 from lab.hidden.wearable.physics import Hidden, hidden
-from lab.hidden.wearable.stage import write_recording
-from lab.hidden.wearable.walk import draw_nuisance, rolling_world, sound_stage, sound_unit
+from lab.hidden.wearable.recording import write_recording
+from lab.hidden.wearable.walk import draw_nuisance, faultless_scene, faultless_unit, rolling_world
 
 SYSTEM = "wearable"
 
@@ -80,7 +80,7 @@ def write(case: Case, folder: Path, held_out: Path) -> Truth:
     """Write both recordings of `case`; return the truth. Everything follows from `case`."""
     cv2.setNumThreads(1)
     noise = log_uniform(case.stream("noise"), *_NOISE)
-    unit = sound_unit(int(case.stream("unit").integers(1 << 31)))
+    unit = faultless_unit(int(case.stream("unit").integers(1 << 31)))
     sizes = {name: SIZES[name].drawn(case.stream(f"size/{name}")) for name in case.effects}
     nuisance: dict[str, float | bool | str] = {"noise": noise}
     causes: dict[str, Hidden] = {}
@@ -89,10 +89,10 @@ def write(case: Case, folder: Path, held_out: Path) -> Truth:
         walk = draw_nuisance(case, recording, noise)
         bends = [cause.curvature_per_m for cause in causes.values() if cause.curvature_per_m != 0.0]
         world = rolling_world(walk, bends[0]) if bends else None
-        stage = sound_stage(unit, walk, world)
+        scene = faultless_scene(unit, walk, world)
         for cause in causes.values():
-            stage = cause.change(stage)
-        write_recording(replace(stage, seed=walk.seed), path)
+            scene = cause.change(scene)
+        write_recording(replace(scene, seed=walk.seed), path)
         nuisance |= {f"{recording}_speed_mps": walk.speed_mps, f"{recording}_slope_deg": walk.slope_deg}
     strongest = sorted(sizes, key=lambda name: -np.log(sizes[name] / SIZES[name].low))
     return Truth(

@@ -1,4 +1,4 @@
-"""What is hidden in a wearer's recording, as physics: a unit not as calibrated, a stage not as written."""
+"""What is hidden in a wearer's recording, as physics: a unit not as calibrated, a scene not as written."""
 
 import math
 from collections.abc import Callable
@@ -11,14 +11,14 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from lab.hidden.case import sign
-from lab.hidden.wearable.eye import dirty, glossy, locked, moved_right
-from lab.hidden.wearable.stage import FRAME_NS, Retouch, Stage
+from lab.hidden.wearable.image_changes import dirty, glossy, locked, moved_right
+from lab.hidden.wearable.recording import FRAME_NS, ImageChange, Scene
 from messages import Lens, Matrix3, StereoCalibration, matrix3, vec3
 from messages.arrays import FloatArray, IntArray
 from perception.depth.rectify import Rectifier
 from sim_rig.unit import HEIGHT_PX, Unit
 
-Change = Callable[[Stage], Stage]
+Change = Callable[[Scene], Scene]
 
 _structs = msgspec.structs
 _RATE_PER_ACCELERATION = 0.05
@@ -45,13 +45,13 @@ def _imu_bias(size: float, random: np.random.Generator) -> Hidden:
     value = sign(random) * size * (1.0 if kind == "acc" else _RATE_PER_ACCELERATION)
     along = value * np.eye(3)[axis]
 
-    def change(stage: Stage) -> Stage:
-        chip = stage.unit.chip
+    def change(scene: Scene) -> Scene:
+        chip = scene.unit.chip
         if kind == "acc":
             chip = replace(chip, sf_bias_mps2=chip.sf_bias_mps2 + chip.sf_matrix @ along)
         else:
             chip = replace(chip, w_bias_radps=chip.w_bias_radps + chip.w_matrix @ along)
-        return replace(stage, unit=replace(stage.unit, chip=chip))
+        return replace(scene, unit=replace(scene.unit, chip=chip))
 
     unit = "mps2" if kind == "acc" else "radps"
     return Hidden({f"{kind}_{'xy'[axis]}_{unit}": value}, change)
@@ -61,12 +61,12 @@ def _acceleration_disturbance(size: float, random: np.random.Generator) -> Hidde
     axis, value = int(random.integers(2)), sign(random) * size
     from_s = float(random.uniform(1.2, 3.2))
 
-    def change(stage: Stage) -> Stage:
+    def change(scene: Scene) -> Scene:
         def vehicle_W(t_ns: IntArray) -> FloatArray:
-            since_s = (np.asarray(t_ns) - stage.first_ns) * 1e-9 - from_s
+            since_s = (np.asarray(t_ns) - scene.first_ns) * 1e-9 - from_s
             return np.outer(0.5 * (1.0 + np.tanh(2.0 * since_s / _ONSET_S)), value * np.eye(3)[axis])
 
-        return replace(stage, vehicle_W_mps2=vehicle_W)
+        return replace(scene, vehicle_W_mps2=vehicle_W)
 
     return Hidden({("ahead_mps2", "left_mps2")[axis]: value}, change)
 
@@ -74,12 +74,12 @@ def _acceleration_disturbance(size: float, random: np.random.Generator) -> Hidde
 def _extrinsic_rotation(size: float, random: np.random.Generator) -> Hidden:
     axis, value = int(random.choice((0, 2))), sign(random) * size
 
-    def change(stage: Stage) -> Stage:
-        R_LC = Rectifier(stage.told.stereo, 2).R_LC
+    def change(scene: Scene) -> Scene:
+        R_LC = Rectifier(scene.told.stereo, 2).R_LC
         turn_L = R_LC @ _turn(axis, value) @ R_LC.T
-        X_BL = stage.unit.X_BL
+        X_BL = scene.unit.X_BL
         return replace(
-            stage, unit=replace(stage.unit, X_BL=_structs.replace(X_BL, R=matrix3(np.array(X_BL.R) @ turn_L)))
+            scene, unit=replace(scene.unit, X_BL=_structs.replace(X_BL, R=matrix3(np.array(X_BL.R) @ turn_L)))
         )
 
     return Hidden({f"{'xyz'[axis]}_rad": value}, change)
@@ -88,9 +88,9 @@ def _extrinsic_rotation(size: float, random: np.random.Generator) -> Hidden:
 def _time_offset(size: float, random: np.random.Generator) -> Hidden:
     value_s = sign(random) * size
 
-    def change(stage: Stage) -> Stage:
-        before = stage.stamp_error_ns
-        return replace(stage, stamp_error_ns=lambda k: before(k) + round(value_s * 1e9))
+    def change(scene: Scene) -> Scene:
+        before = scene.stamp_error_ns
+        return replace(scene, stamp_error_ns=lambda k: before(k) + round(value_s * 1e9))
 
     return Hidden({"value_s": value_s}, change)
 
@@ -136,35 +136,37 @@ def _distortion_residual(size: float, random: np.random.Generator) -> Hidden:
 
 
 def _motion_blur(size: float, _random: np.random.Generator) -> Hidden:
-    return Hidden({"exposure_s": size}, lambda stage: replace(stage, untold_exposure_s=size))
+    return Hidden({"exposure_s": size}, lambda scene: replace(scene, untold_exposure_s=size))
 
 
 def _rolling_shutter(size: float, _random: np.random.Generator) -> Hidden:
-    def change(stage: Stage) -> Stage:
-        told_s = max(0.0, stage.unit.stereo.row_time_s - size / HEIGHT_PX)
+    def change(scene: Scene) -> Scene:
+        told_s = max(0.0, scene.unit.stereo.row_time_s - size / HEIGHT_PX)
         return replace(
-            stage, told=_structs.replace(stage.told, stereo=_structs.replace(stage.told.stereo, row_time_s=told_s))
+            scene, told=_structs.replace(scene.told, stereo=_structs.replace(scene.told.stereo, row_time_s=told_s))
         )
 
     return Hidden({"readout_s": size}, change)
 
 
 def _pixel_locking(size: float, _random: np.random.Generator) -> Hidden:
-    return Hidden({"amplitude_px": size}, lambda stage: _retouched(stage, partial(moved_right, shift_px=locked(size))))
+    return Hidden(
+        {"amplitude_px": size}, lambda scene: _with_image_change(scene, partial(moved_right, shift_px=locked(size)))
+    )
 
 
 def _exposure_change(size: float, random: np.random.Generator) -> Hidden:
     share, period_s, phase = sign(random) * size, float(random.uniform(1.2, 2.5)), float(random.uniform(0.0, 1.0))
 
-    def change(stage: Stage) -> Stage:
+    def change(scene: Scene) -> Scene:
         def exposure_s(k: int) -> float:
             light = math.sin(2.0 * math.pi * (k * FRAME_NS * 1e-9 / period_s + phase))
             return 0.0045 + 0.0035 * math.tanh(3.0 * light)  # from sun to shade and back
 
-        mean_s = float(np.mean([exposure_s(k) for k in range(stage.frames)]))
-        before = stage.stamp_error_ns
+        mean_s = float(np.mean([exposure_s(k) for k in range(scene.frames)]))
+        before = scene.stamp_error_ns
         return replace(
-            stage,
+            scene,
             exposure_s=exposure_s,
             stamp_error_ns=lambda k: before(k) + round(share * (exposure_s(k) - mean_s) * 1e9),
         )
@@ -175,27 +177,27 @@ def _exposure_change(size: float, random: np.random.Generator) -> Hidden:
 def _texture_bias(size: float, random: np.random.Generator) -> Hidden:
     value = sign(random) * size
     gloss = partial(moved_right, shift_px=glossy(value))
-    return Hidden({"per_octave_px": value}, lambda stage: _retouched(stage, gloss))
+    return Hidden({"per_octave_px": value}, lambda scene: _with_image_change(scene, gloss))
 
 
 def _ground_not_flat(size: float, random: np.random.Generator) -> Hidden:
     value = sign(random) * size
-    return Hidden({"sagittal_per_m": value}, lambda stage: stage, curvature_per_m=value)
+    return Hidden({"sagittal_per_m": value}, lambda scene: scene, curvature_per_m=value)
 
 
 def _soft_mount(size: float, random: np.random.Generator) -> Hidden:
     zeta = float(random.uniform(0.12, 0.35))
 
-    def change(stage: Stage) -> Stage:
-        return replace(stage, mount_C_rad=_swinging(stage, size, zeta))
+    def change(scene: Scene) -> Scene:
+        return replace(scene, mount_C_rad=_swinging(scene, size, zeta))
 
     return Hidden({"hz": size}, change)
 
 
-def _swinging(stage: Stage, hz: float, zeta: float) -> Callable[[IntArray], FloatArray]:
+def _swinging(scene: Scene, hz: float, zeta: float) -> Callable[[IntArray], FloatArray]:
     """Return δ(t) (n, 3) of a camera on a damped spring, integrated from the gait's own rates, in L's axes."""
-    t_ns = np.arange(stage.first_ns - 900_000_000, stage.end_ns + 300_000_000, _SWING_STEP_NS)
-    rate_L = stage.gait.at(t_ns).w_WB_B_radps @ np.array(stage.unit.X_BL.R)
+    t_ns = np.arange(scene.first_ns - 900_000_000, scene.end_ns + 300_000_000, _SWING_STEP_NS)
+    rate_L = scene.gait.at(t_ns).w_WB_B_radps @ np.array(scene.unit.X_BL.R)
     acceleration_L = np.gradient(rate_L, t_ns * 1e-9, axis=0)
     omega = 2.0 * math.pi * hz
     s = (t_ns - t_ns[0]) * 1e-9
@@ -220,19 +222,19 @@ def _swinging(stage: Stage, hz: float, zeta: float) -> Callable[[IntArray], Floa
 def _dirty_lens(size: float, random: np.random.Generator) -> Hidden:
     centre = (float(random.uniform(0.35, 0.65)), float(random.uniform(0.5, 0.75)))
     shift_px = sign(random) * size
-    return Hidden({"shift_px": shift_px}, lambda stage: _retouched(stage, lambda _: dirty(shift_px, centre)))
+    return Hidden({"shift_px": shift_px}, lambda scene: _with_image_change(scene, lambda _: dirty(shift_px, centre)))
 
 
 def _eyes_out_of_step(size: float, _random: np.random.Generator) -> Hidden:
-    return Hidden({"lag_s": size}, lambda stage: replace(stage, lag_right_ns=round(size * 1e9)))
+    return Hidden({"lag_s": size}, lambda scene: replace(scene, lag_right_ns=round(size * 1e9)))
 
 
 def _repeated_frame(size: float, random: np.random.Generator) -> Hidden:
     seed = int(random.integers(1 << 31))
 
-    def change(stage: Stage) -> Stage:
-        again = np.random.default_rng([seed, stage.seed]).random(stage.frames) < size
-        return replace(stage, shown=lambda k: k - 1 if k > 0 and again[k] else k)
+    def change(scene: Scene) -> Scene:
+        again = np.random.default_rng([seed, scene.seed]).random(scene.frames) < size
+        return replace(scene, shown=lambda k: k - 1 if k > 0 and again[k] else k)
 
     return Hidden({"share": size}, change)
 
@@ -240,12 +242,12 @@ def _repeated_frame(size: float, random: np.random.Generator) -> Hidden:
 def _creeping_slope(size: float, random: np.random.Generator) -> Hidden:
     value = sign(random) * size
 
-    def change(stage: Stage) -> Stage:
+    def change(scene: Scene) -> Scene:
         def says(t_ns: IntArray, slope: FloatArray, height_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-            passed = (np.asarray(t_ns) - stage.first_ns) / (stage.end_ns - stage.first_ns)
+            passed = (np.asarray(t_ns) - scene.first_ns) / (scene.end_ns - scene.first_ns)
             return slope + value * (passed - 0.5), height_m
 
-        return replace(stage, ground_says=says)
+        return replace(scene, ground_says=says)
 
     return Hidden({"change_rad": value}, change)
 
@@ -253,12 +255,12 @@ def _creeping_slope(size: float, random: np.random.Generator) -> Hidden:
 def _lens_breathing(size: float, random: np.random.Generator) -> Hidden:
     period_s, phase = float(random.uniform(0.6, 1.6)), float(random.uniform(0.0, 2.0 * math.pi))
 
-    def change(stage: Stage) -> Stage:
+    def change(scene: Scene) -> Scene:
         def unit_at(k: int) -> Unit:
             share = size * math.sin(2.0 * math.pi * k * FRAME_NS * 1e-9 / period_s + phase)
-            return replace(stage.unit, stereo=longer(stage.unit.stereo, share))
+            return replace(scene.unit, stereo=longer(scene.unit.stereo, share))
 
-        return replace(stage, unit_at=unit_at)
+        return replace(scene, unit_at=unit_at)
 
     return Hidden({"share": size}, change)
 
@@ -266,12 +268,12 @@ def _lens_breathing(size: float, random: np.random.Generator) -> Hidden:
 def _vibration(size: float, random: np.random.Generator) -> Hidden:
     hz, phase, axis = float(random.uniform(33.0, 47.0)), float(random.uniform(0.0, 6.28)), int(random.choice((0, 2)))
 
-    def change(stage: Stage) -> Stage:
+    def change(scene: Scene) -> Scene:
         def shaken(t_ns: IntArray) -> FloatArray:
-            angle = 2.0 * math.pi * hz * (np.asarray(t_ns) - stage.first_ns) * 1e-9 + phase
+            angle = 2.0 * math.pi * hz * (np.asarray(t_ns) - scene.first_ns) * 1e-9 + phase
             return np.outer(size * np.sin(angle), np.eye(3)[axis])
 
-        return replace(stage, mount_C_rad=shaken)
+        return replace(scene, mount_C_rad=shaken)
 
     return Hidden({"amplitude_rad": size}, change)
 
@@ -279,9 +281,9 @@ def _vibration(size: float, random: np.random.Generator) -> Hidden:
 def _jittering_stamps(size: float, random: np.random.Generator) -> Hidden:
     seed = int(random.integers(1 << 31))
 
-    def change(stage: Stage) -> Stage:
-        late_ns = np.random.default_rng([seed, stage.seed]).uniform(-size, size, stage.frames) * 1e9
-        return replace(stage, stamp_error_ns=lambda k: round(float(late_ns[k])))
+    def change(scene: Scene) -> Scene:
+        late_ns = np.random.default_rng([seed, scene.seed]).uniform(-size, size, scene.frames) * 1e9
+        return replace(scene, stamp_error_ns=lambda k: round(float(late_ns[k])))
 
     return Hidden({"most_s": size}, change)
 
@@ -296,11 +298,11 @@ def longer(stereo: StereoCalibration, share: float) -> StereoCalibration:
 
 
 def _with_stereo(truly: Callable[[StereoCalibration], StereoCalibration]) -> Change:
-    return lambda stage: replace(stage, unit=replace(stage.unit, stereo=truly(stage.unit.stereo)))
+    return lambda scene: replace(scene, unit=replace(scene.unit, stereo=truly(scene.unit.stereo)))
 
 
-def _retouched(stage: Stage, retouch: Callable[[Stage], Retouch]) -> Stage:
-    return replace(stage, retouch=(*stage.retouch, retouch))
+def _with_image_change(scene: Scene, change: Callable[[Scene], ImageChange]) -> Scene:
+    return replace(scene, image_changes=(*scene.image_changes, change))
 
 
 def _turn(axis: int, angle_rad: float) -> FloatArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lab.hidden.case import Case, log_uniform
-from lab.hidden.wearable.stage import FRAME_NS, Stage
+from lab.hidden.wearable.recording import FRAME_NS, Scene
 from sim_rig.unit import Unit, draw_unit
 from sim_rig.walk.gait import Gait, Stand, Walk
 from sim_rig.walk.world import World, WorldBuilder
@@ -53,7 +53,7 @@ def draw_nuisance(case: Case, recording: str, noise: float) -> Nuisance:
     )
 
 
-def sound_unit(seed: int) -> Unit:
+def faultless_unit(seed: int) -> Unit:
     """Return a unit of the rig whose gyroscope does not feel gravity: its calibration has no place for that."""
     unit = draw_unit(seed)
     return replace(unit, name="wearer", chip=replace(unit.chip, g_sensitivity=np.zeros((3, 3))))
@@ -81,7 +81,7 @@ def rolling_world(nuisance: Nuisance, curvature_per_m: float) -> World:
     return ground.build()
 
 
-def sound_stage(unit: Unit, nuisance: Nuisance, world: World | None = None) -> Stage:
+def faultless_scene(unit: Unit, nuisance: Nuisance, world: World | None = None) -> Scene:
     """Return a recording in which nothing is wrong: the calibration tells the truth."""
     world = world or ramp_world(nuisance)
     legs = (Stand(_STAND_S), Walk(world.length_m, nuisance.speed_mps, nuisance.step_hz), Stand(_STAND_S))
@@ -90,7 +90,7 @@ def sound_stage(unit: Unit, nuisance: Nuisance, world: World | None = None) -> S
     def exposure_s(k: int) -> float:
         return nuisance.exposure_s * (1.0 + 0.1 * math.sin(2.0 * math.pi * k * FRAME_NS * 1e-9 / 3.0))
 
-    return Stage(
+    return Scene(
         unit=unit,
         told=unit.exact_calibration(),
         world=world,
@@ -100,5 +100,5 @@ def sound_stage(unit: Unit, nuisance: Nuisance, world: World | None = None) -> S
         frames=FRAMES,
         exposure_s=exposure_s,
         reference_noise=(5e-5 * nuisance.noise, 5e-5 * nuisance.noise),
-        grain=1.0 * nuisance.noise,
+        pixel_noise=1.0 * nuisance.noise,
     )

@@ -1,4 +1,4 @@
-"""The first study's filters against what defines them."""
+"""The thesis's filters against what defines them."""
 
 import numpy as np
 import pytest

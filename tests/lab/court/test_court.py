@@ -129,7 +129,7 @@ def test_a_court_writes_one_file_a_case_and_goes_on_where_it_was(toy_trials: Exe
     check_same_court(asked, tmp_path, development=False)
     with pytest.raises(UserError, match="development"):
         check_same_court(asked, tmp_path, development=True)
-    with pytest.raises(UserError, match="another court"):
+    with pytest.raises(UserError, match="belongs to other cases"):
         check_same_court(slots("platform", Toy(), 40), tmp_path, development=False)
 
 

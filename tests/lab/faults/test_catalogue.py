@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from drivers.imu.registers import Register
-from lab.faults.bench import Bench
 from lab.faults.catalogue import CATALOGUE, carry_out, expected_together, named, pairs
 from lab.faults.daemon_process import Order
-from lab.faults.fault import Expect, Fault, Layer, Tamper
-from lab.faults.played_camera import TRANSFER_S, Pair
+from lab.faults.fault import Expect, Fault, HardwareAction, Layer
+from lab.faults.faulty_camera import TRANSFER_S, Pair
+from lab.faults.hardware import FaultyHardware
 from messages import UserError
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
-TAMPERED = [fault for fault in CATALOGUE.values() if isinstance(fault.act, Tamper)]
+ON_HARDWARE = [fault for fault in CATALOGUE.values() if isinstance(fault.act, HardwareAction)]
 
 
 def test_there_are_sixty_faults_on_every_layer_and_each_says_what_must_follow() -> None:
@@ -62,28 +62,28 @@ def test_faults_are_named_by_their_beginning() -> None:
 
 
 @pytest.fixture(scope="module")
-def bench() -> Iterator[Bench]:
-    """One bench for all: its rendering process takes two seconds to start."""
+def hardware() -> Iterator[FaultyHardware]:
+    """One for all tests: its rendering process takes two seconds to start."""
     wearer = SimulatedWearer(1, scenario("standing"), 0)
-    with closing(Bench(wearer)) as made:
+    with closing(FaultyHardware(wearer)) as made:
         yield made
 
 
-def touch(bench: Bench) -> None:
+def touch(hardware: FaultyHardware) -> None:
     """Let the chip see a transfer, in which its faults happen."""
-    bench.chip.write(bytes([Register.WHO_AM_I]))
-    bench.chip.read(1)
+    hardware.chip.write(bytes([Register.WHO_AM_I]))
+    hardware.chip.read(1)
 
 
-def state(bench: Bench) -> dict[str, object]:
-    node, kernel = bench.camera.node, bench.camera.kernel
-    with closing(bench.wires.open()) as bus:
+def state(hardware: FaultyHardware) -> dict[str, object]:
+    node, kernel = hardware.camera.node, hardware.camera.kernel
+    with closing(hardware.wires.open()) as bus:
         answers = bus.read_byte_data(0x68, Register.WHO_AM_I)
     return {
         "identity": answers,
-        "habits": dict(bench.chip.habits),
-        "spoils": dict(bench.camera.spoils),
-        "mishaps": dict(bench.camera.mishaps),
+        "repeated": dict(hardware.chip.repeated),
+        "image_changes": dict(hardware.camera.image_changes),
+        "frame_faults": dict(hardware.camera.frame_faults),
         "stamp": node.stamp_jitter_s(0),
         "transfer": node.transfer_s,
         "period": node.slow_period_s,
@@ -92,26 +92,26 @@ def state(bench: Bench) -> dict[str, object]:
     }
 
 
-@pytest.mark.parametrize("fault", TAMPERED, ids=lambda fault: fault.name)
-def test_every_fault_of_the_bench_comes_and_goes(bench: Bench, fault: Fault) -> None:
-    before = state(bench)
+@pytest.mark.parametrize("fault", ON_HARDWARE, ids=lambda fault: fault.name)
+def test_every_fault_of_the_hardware_comes_and_goes(hardware: FaultyHardware, fault: Fault) -> None:
+    before = state(hardware)
     assert before["transfer"] == TRANSFER_S
-    carry_out(bench, Order(fault.name, inject=True))
-    touch(bench)
-    carry_out(bench, Order(fault.name, inject=False))
-    failed = sum(fails(bench) for _ in range(_MOST_FAILURES))
+    carry_out(hardware, Order(fault.name, inject=True))
+    touch(hardware)
+    carry_out(hardware, Order(fault.name, inject=False))
+    failed = sum(fails(hardware) for _ in range(_MOST_FAILURES))
     assert failed < _MOST_FAILURES
-    touch(bench)
-    assert state(bench) == before
+    touch(hardware)
+    assert state(hardware) == before
 
 
 _MOST_FAILURES = 4
 
 
-def fails(bench: Bench) -> bool:
-    """Whether a transfer still fails: what was to fail once may have had no transfer to befall yet."""
+def fails(hardware: FaultyHardware) -> bool:
+    """Whether a transfer still fails: what was to fail once may have had no transfer yet."""
     try:
-        with closing(bench.wires.open()) as bus:
+        with closing(hardware.wires.open()) as bus:
             bus.read_byte_data(0x68, Register.WHO_AM_I)
     except OSError:
         return True
@@ -119,22 +119,22 @@ def fails(bench: Bench) -> bool:
 
 
 @pytest.mark.parametrize(
-    "fault", [fault for fault in TAMPERED if fault.touches == "pictures"], ids=lambda fault: fault.name
+    "fault", [fault for fault in ON_HARDWARE if fault.touches == "pictures"], ids=lambda fault: fault.name
 )
-def test_a_spoilt_picture_differs_and_the_true_one_stays(bench: Bench, fault: Fault) -> None:
+def test_a_changed_image_differs_and_the_true_one_stays(hardware: FaultyHardware, fault: Fault) -> None:
     rng = np.random.default_rng(2)
-    carry_out(bench, Order(fault.name, inject=True))
-    (spoil,) = bench.camera.spoils.values()
+    carry_out(hardware, Order(fault.name, inject=True))
+    (change,) = hardware.camera.image_changes.values()
     changed = []
     for _ in range(2):
         true: Pair = (rng.integers(40, 200, (720, 1280), np.uint8), rng.integers(40, 200, (720, 1280), np.uint8))
         kept = (true[0].copy(), true[1].copy())
-        seen = spoil(true)
+        seen = change(true)
         for before, after, shown in zip(kept, true, seen, strict=True):
             np.testing.assert_array_equal(before, after)
             assert shown.shape == (720, 1280)
             assert shown.dtype == np.uint8
         changed.append(any(not np.array_equal(a, b) for a, b in zip(true, seen, strict=True)))
-    carry_out(bench, Order(fault.name, inject=False))
+    carry_out(hardware, Order(fault.name, inject=False))
     assert changed[-1]
-    assert not bench.camera.spoils
+    assert not hardware.camera.image_changes

@@ -18,7 +18,7 @@ import mujoco
 
 from impedance.body import geometry
 from impedance.body.kinematics import Kinematics
-from lab.thesis import hypotheses, search, signals
+from lab.thesis import hypotheses, search, signals, tape
 from lab.thesis.causes import CAUSES, changed
 from lab.thesis.hypotheses import CELLS, PINNED, Misfit, Sizes, Study, printed_cells, tolerances
 from lab.thesis.printed import FOOT
@@ -120,8 +120,8 @@ def test_every_cause_is_nothing_at_its_neutral_size_and_something_at_its_ends(lo
 def test_a_stiff_tape_is_no_tape_and_a_soft_one_amplifies(loaded: Signals) -> None:
     rigid = loaded.wrench[:, 5]
     for axis, channel in ((2, 5), (0, 3)):
-        stiff = signals.on_rocking_tape(loaded, axis, 1e-3, 0.1, seen=False).wrench
-        soft = signals.on_rocking_tape(loaded, axis, 1 / 40.0, 0.1, seen=False).wrench
+        stiff = tape.on_rocking_tape(loaded, axis, 1e-3, 0.1, seen=False).wrench
+        soft = tape.on_rocking_tape(loaded, axis, 1 / 40.0, 0.1, seen=False).wrench
         assert np.abs(stiff - loaded.wrench).max() < 0.05 * np.abs(rigid).max()
         assert soft[:, channel].std() > 1.1 * loaded.wrench[:, channel].std()
 
@@ -161,7 +161,7 @@ def test_a_foot_on_its_tape_gives_the_wrench_that_the_engine_gives_it(axis: int,
     poses = np.hstack((p_m, euler))
     recording = measured(simulate(RunSettings(rig=rig, duration_s=1.0), 1), None)
     streams = Signals(recording, angles, motion, poses, poses.copy(), rigid, seed=1)
-    on_tape = signals.on_rocking_tape if rocking else signals.on_sliding_tape
+    on_tape = tape.on_rocking_tape if rocking else tape.on_sliding_tape
     told = on_tape(streams, axis, 1.0 / resonance_hz, damping_ratio, seen=False).wrench
     inside = slice(700, -100)
     true = seen[inside, SENSORS["wrench"]]

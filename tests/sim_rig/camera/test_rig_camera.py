@@ -114,7 +114,7 @@ def test_ctrl_c_does_not_reach_the_renderer_and_close_ends_it(wearer: SimulatedW
     camera.close()
     assert not [process for process in active_children() if process.name == "gaiteyes-renderer"]
     np.testing.assert_array_equal(frame.left, left)
-    with pytest.raises(DeviceError, match="rig camera: it is closed"):
+    with pytest.raises(DeviceError, match="simulated camera: it is closed"):
         camera.read(0.0)
 
 
@@ -124,7 +124,7 @@ def test_a_renderer_that_dies_is_a_device_error_in_one_line_and_leaves_nothing_b
     camera = wearer.camera()
     os.kill(renderer_pid(), signal.SIGKILL)
     for _ in range(2):
-        with pytest.raises(DeviceError, match=r"^rig camera: its rendering process has ended \(exit code -9\)$"):
+        with pytest.raises(DeviceError, match=r"^simulated camera: its rendering process has ended \(exit code -9\)$"):
             read_on(camera)
     wearer.close()
     assert len(os.listdir("/proc/self/fd")) <= files_before + 1  # multiprocessing's own helper process stays

@@ -12,15 +12,14 @@ from hypothesis import strategies as st
 from discrepancy.explain import explain
 from impedance.body.rigid_body import Inertia
 from impedance.recording.recording import PlatformRecording, Poses
-from lab.hidden.platform.drawn import CHANNELS, Hidden
-from lab.hidden.platform.instruments import followed
-from lab.hidden.platform.laboratory import mechanics_of, reference_of
-from lab.hidden.platform.laboratory import recorded as recorded_of
-from lab.hidden.platform.mechanics import ran
-from lab.hidden.platform.noise import PlateNoise
-from lab.hidden.platform.scene import SPAN_NM, Scene, stepped
 from messages.arrays import FloatArray
 from messages.errors import UserError
+from sim_rig.platform.extended.flaws import CHANNELS, Flaws
+from sim_rig.platform.extended.instruments import followed
+from sim_rig.platform.extended.laboratory import Laboratory
+from sim_rig.platform.extended.plate_noise import PlateNoise
+from sim_rig.platform.extended.unit import PlatformUnit, stepped
+from sim_rig.platform.run import SPAN_NM
 from systems.platform import load
 from systems.platform.effects import amplitudes
 from systems.platform.memory import with_play
@@ -38,8 +37,8 @@ NAMES = (
 FOOT = Inertia.about(12.0, np.array([0.004, -0.06, -0.003]), np.array([0.05, 0.08, 0.06, 0.001, -0.002, 0.0015]))
 
 
-def unit(foot: bool) -> Scene:
-    return Scene(
+def unit(foot: bool) -> PlatformUnit:
+    return PlatformUnit(
         plate=Inertia.about(4.6, np.array([0.005, -0.026, -0.001]), np.array([0.04, 0.118, 0.105, 0.001, 0.0, 0.008])),
         known=True,
         foot=FOOT if foot else None,
@@ -53,19 +52,16 @@ def unit(foot: bool) -> Scene:
     )
 
 
-def recorded(hidden: Hidden, foot: bool) -> PlatformRecording:
-    """Return a recording almost without noise in which `hidden` is."""
-    scene = unit(foot)
-    mechanics = mechanics_of(scene, hidden)
-    fine = ran(mechanics, stepped(np.random.default_rng(5), scene.update_hz, SPAN_NM, SECONDS), SECONDS)
-    reference = reference_of(fine, mechanics)
-    colour, random = PlateNoise(6, np.random.default_rng(6)), np.random.default_rng(7)
-    return recorded_of(scene, hidden, mechanics, fine, reference, colour, random, SECONDS)
+def recorded(flaws: Flaws, foot: bool) -> PlatformRecording:
+    """Return a recording almost without noise of a unit with `flaws`."""
+    laboratory = Laboratory(unit(foot), flaws, PlateNoise(6, np.random.default_rng(6)))
+    torques = stepped(np.random.default_rng(5), laboratory.unit.update_hz, np.array(SPAN_NM), SECONDS)
+    return laboratory.recorded(laboratory.ran(torques, SECONDS), np.random.default_rng(7), SECONDS)
 
 
 @cache
 def clean(foot: bool) -> PlatformRecording:
-    return recorded(Hidden(), foot)
+    return recorded(Flaws(), foot)
 
 
 def simulation(recording: PlatformRecording) -> tuple[PlatformSimulation, dict[str, float]]:
@@ -94,30 +90,30 @@ def test_the_base_model_meets_a_recording_in_which_nothing_is_hidden(foot: bool)
 
 
 @pytest.mark.parametrize(
-    ("hidden", "values", "foot", "share"),
+    ("flaws", "values", "foot", "share"),
     [
-        (Hidden(delay_s=1e-3), {"force_delay.value_s": 1e-3}, True, 0.01),
-        (Hidden(lag_s=1e-3), {"force_lag.value_s": 1e-3}, True, 0.01),
-        (Hidden(drift=4e-4), {"clock_drift.rate": 4e-4}, True, 0.02),
-        (Hidden(smoothing_hz=40.0), {"motion_smoothing.value_hz": 40.0}, True, 0.02),
-        (Hidden(matrix=matrix("fz", "fz", 0.02)), {"force_gain.fz": 0.02}, True, 0.01),
-        (Hidden(matrix=matrix("tx", "fy", -0.02)), {"crosstalk.tx_from_fy": -0.02}, True, 0.01),
-        (Hidden(height_m=0.02), {"reference_height.value_m": 0.02}, True, 0.01),
-        (Hidden(turn_rad=np.array([0.0, 0.03, 0.0])), {"plate_rotation.y_rad": 0.03}, True, 0.01),
-        (Hidden(joint_m=np.array([0.0, 0.0, 0.01])), {"joint_offset.z_m": 0.01}, False, 0.01),
-        (Hidden(foot_marker_m=np.array([0.005, 0.0, 0.0])), {"foot_marker_offset.x_m": 0.005}, True, 0.01),
-        (Hidden(position_scale=0.01), {"position_scale.value": 0.01}, True, 0.01),
-        (Hidden(spring_nmprad=np.array([90.0, 0.0])), {"parallel_spring.z_nmprad": 90.0}, False, 0.01),
-        (Hidden(damper_nmsprad=np.array([0.0, 3.0])), {"parallel_damping.x_nmsprad": 3.0}, False, 0.01),
-        (Hidden(friction_nm=np.array([1.0, 0.0])), {"coulomb_friction.z_nm": 1.0}, False, 0.15),
+        (Flaws(delay_s=1e-3), {"force_delay.value_s": 1e-3}, True, 0.01),
+        (Flaws(lag_s=1e-3), {"force_lag.value_s": 1e-3}, True, 0.01),
+        (Flaws(drift=4e-4), {"clock_drift.rate": 4e-4}, True, 0.02),
+        (Flaws(smoothing_hz=40.0), {"motion_smoothing.value_hz": 40.0}, True, 0.02),
+        (Flaws(matrix=matrix("fz", "fz", 0.02)), {"force_gain.fz": 0.02}, True, 0.01),
+        (Flaws(matrix=matrix("tx", "fy", -0.02)), {"crosstalk.tx_from_fy": -0.02}, True, 0.01),
+        (Flaws(height_m=0.02), {"reference_height.value_m": 0.02}, True, 0.01),
+        (Flaws(turn_rad=np.array([0.0, 0.03, 0.0])), {"plate_rotation.y_rad": 0.03}, True, 0.01),
+        (Flaws(joint_m=np.array([0.0, 0.0, 0.01])), {"joint_offset.z_m": 0.01}, False, 0.01),
+        (Flaws(foot_marker_m=np.array([0.005, 0.0, 0.0])), {"foot_marker_offset.x_m": 0.005}, True, 0.01),
+        (Flaws(position_scale=0.01), {"position_scale.value": 0.01}, True, 0.01),
+        (Flaws(spring_nmprad=np.array([90.0, 0.0])), {"parallel_spring.z_nmprad": 90.0}, False, 0.01),
+        (Flaws(damper_nmsprad=np.array([0.0, 3.0])), {"parallel_damping.x_nmsprad": 3.0}, False, 0.01),
+        (Flaws(friction_nm=np.array([1.0, 0.0])), {"coulomb_friction.z_nm": 1.0}, False, 0.15),
         (
-            Hidden(masses=((0.4, np.array([0.1, 0.05, -0.06])),)),
+            Flaws(masses=((0.4, np.array([0.1, 0.05, -0.06])),)),
             {"hidden_mass.mass_kg": 0.4, "hidden_mass.x_m": 0.1, "hidden_mass.y_m": 0.05, "hidden_mass.z_m": -0.06},
             False,
             0.01,
         ),
         (
-            Hidden(tape_hz=(70.0, 55.0), tape_zeta=0.06),
+            Flaws(tape_hz=(70.0, 55.0), tape_zeta=0.06),
             {
                 "tape_compliance.z_hz": 70.0,
                 "tape_compliance.x_hz": 55.0,
@@ -127,21 +123,21 @@ def test_the_base_model_meets_a_recording_in_which_nothing_is_hidden(foot: bool)
             True,
             0.01,
         ),
-        (Hidden(tare=np.array([0.0, 2.0, 0.0, 0.0, 0.0, 0.0])), {"tare_error.fy": 2.0}, True, 0.01),
+        (Flaws(tare=np.array([0.0, 2.0, 0.0, 0.0, 0.0, 0.0])), {"tare_error.fy": 2.0}, True, 0.01),
         (
-            Hidden(jumps=True),
+            Flaws(jumps=True),
             {"aliasing.share": 1.0, "aliasing.update_hz": 41.0, "aliasing.offset_s": -1e-5},
             True,
             0.2,
         ),
-        (Hidden(lost_share=0.05), {"dropped_samples.held": 1.0}, True, 0.05),
+        (Flaws(lost_share=0.05), {"dropped_samples.held": 1.0}, True, 0.05),
     ],
     ids=lambda value: next(iter(value)).partition(".")[0] if isinstance(value, dict) else "",
 )
 def test_an_effect_at_its_true_size_explains_what_the_rig_does(
-    hidden: Hidden, values: dict[str, float], foot: bool, share: float
+    flaws: Flaws, values: dict[str, float], foot: bool, share: float
 ) -> None:
-    recording = recorded(hidden, foot)
+    recording = recorded(flaws, foot)
     before, after, floor = left(recording, {}), left(recording, values), left(clean(foot), {})
     struck = before > 20.0 * floor + UNSEEN[: len(floor)]
     assert struck.any()
@@ -151,13 +147,13 @@ def test_an_effect_at_its_true_size_explains_what_the_rig_does(
 
 def test_limits_play_and_rounding_are_met_as_far_as_samples_tell() -> None:
     deviation, largest = clean(False).wrench.std(axis=0), np.abs(clean(False).wrench).max(axis=0)
-    for hidden, values, share in (
-        (Hidden(limit=(0, 0.6)), {"saturation.fx": 0.6 * largest[0]}, 0.1),
-        (Hidden(play=(5, 0.2)), {"backlash.tz": 0.2 * deviation[5]}, 0.2),
-        (Hidden(step=(20.0, 0.0)), {"quantisation.force_n": 20.0}, 0.15),
-        (Hidden(jumps=True), {"aliasing.share": 1.0}, 0.4),
+    for flaws, values, share in (
+        (Flaws(limit=(0, 0.6 * largest[0])), {"saturation.fx": 0.6 * largest[0]}, 0.1),
+        (Flaws(play=(5, 0.2 * deviation[5])), {"backlash.tz": 0.2 * deviation[5]}, 0.2),
+        (Flaws(step=(20.0, 0.0)), {"quantisation.force_n": 20.0}, 0.15),
+        (Flaws(jumps=True), {"aliasing.share": 1.0}, 0.4),
     ):
-        recording = recorded(hidden, foot=False)
+        recording = recorded(flaws, foot=False)
         before, after = left(recording, {}), left(recording, values)
         worst = int(np.argmax(before[:6] / deviation))
         assert after[worst] < share * before[worst], values
@@ -205,13 +201,11 @@ def test_the_library_has_the_names_and_no_foot_means_no_effect_of_it() -> None:
 
 
 def test_both_steps_of_rounding_are_found_together() -> None:
-    scene = replace(unit(False), noise_factor=1.0)
-    hidden = Hidden(step=(12.0, 3.0))
-    mechanics = mechanics_of(scene, hidden)
     random = np.random.default_rng(11)
-    fine = ran(mechanics, stepped(random, scene.update_hz, SPAN_NM, 12.0), 12.0)
-    reference = reference_of(fine, mechanics)
-    recording = recorded_of(scene, hidden, mechanics, fine, reference, PlateNoise(6, random), random, 12.0)
+    noisy = replace(unit(False), noise_factor=1.0)
+    torques = stepped(random, noisy.update_hz, np.array(SPAN_NM), 12.0)
+    laboratory = Laboratory(noisy, Flaws(step=(12.0, 3.0)), PlateNoise(6, random))
+    recording = laboratory.recorded(laboratory.ran(torques, 12.0), random, 12.0)
     verdict = explain(PlatformSimulation.of(recording), None, seed=1).verdict
     assert [cause.name for cause in verdict.causes] == ["quantisation"]
     for name, step in (("force_n", 12.0), ("torque_nm", 3.0)):

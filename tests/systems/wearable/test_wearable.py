@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from lab.hidden.case import Case, Kind
 from lab.hidden.wearable import EFFECTS, LOOK_ALIKES, OUTSIDE, PAIRS, SIZES
 from lab.hidden.wearable.physics import hidden
-from lab.hidden.wearable.stage import write_recording
-from lab.hidden.wearable.walk import draw_nuisance, sound_stage, sound_unit
+from lab.hidden.wearable.recording import write_recording
+from lab.hidden.wearable.walk import draw_nuisance, faultless_scene, faultless_unit
 from messages import ImuSample
 from messages.arrays import FloatArray
 from messages.errors import UserError
@@ -49,7 +49,7 @@ LIBRARY = (
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     walk = draw_nuisance(Case("wearable", SEED, Kind.CLEAN, ()), "fit", 1.0)
     folder = tmp_path_factory.mktemp("wearable") / "clean"
-    write_recording(replace(sound_stage(sound_unit(SEED), walk), frames=FRAMES), folder)
+    write_recording(replace(faultless_scene(faultless_unit(SEED), walk), frames=FRAMES), folder)
     return folder
 
 
@@ -158,7 +158,9 @@ def test_samples_are_dated_by_the_line_that_the_driver_laid_last() -> None:
     true_ns = 20_000_000_000 + 10_000_000 * np.arange(400)
     early = np.where(np.arange(400) < 360, 2_000_000 - 4_000 * np.arange(400), 0)
     missing = np.arange(400) != 123
-    dated = Sensed.of([_sample(t_ns) for t_ns in (true_ns + early)[missing]], sound_unit(SEED).exact_calibration()).t_s
+    dated = Sensed.of(
+        [_sample(t_ns) for t_ns in (true_ns + early)[missing]], faultless_unit(SEED).exact_calibration()
+    ).t_s
     assert dated == pytest.approx(true_ns[missing] * 1e-9, abs=1e-8)
 
 

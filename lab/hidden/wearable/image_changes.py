@@ -1,11 +1,11 @@
-"""Pictures altered after they were taken, as firmware, gloss or dirt does it: the right eye's pixels move sideways."""
+"""Images altered after they were taken, as firmware, gloss or dirt does it: the right one's pixels move sideways."""
 
 from collections.abc import Callable
 
 import cv2
 import numpy as np
 
-from lab.hidden.wearable.stage import Retouch, Stage, binned, ground_below
+from lab.hidden.wearable.recording import ImageChange, Scene, binned, ground_below
 from messages.arrays import Float32Array, FloatArray, GreyImage
 from perception.depth.rectify import Rectifier, undistorted_rays
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX
@@ -15,20 +15,22 @@ _CONTRAST_BOX = 15
 _MATT = 12.0  # grey levels
 
 
-def moved_right(stage: Stage, shift_px: Callable[[Float32Array, GreyImage], Float32Array]) -> Retouch:
-    """Return a retouch that adds `shift_px(disparity, right picture)` (720, 1280) to the disparity of the right eye.
+def moved_right(scene: Scene, shift_px: Callable[[Float32Array, GreyImage], Float32Array]) -> ImageChange:
+    """Return a change that adds `shift_px(disparity, right image)` (720, 1280) to the disparity of the right image.
 
-    Disparities are in px of the binned, rectified picture, at the place of the right eye's pixel.
+    Disparities are in px of the binned, rectified image, at the place of the right image's pixel.
     """
-    stereo = binned(stage.told).stereo
+    stereo = binned(scene.told).stereo
     rectifier = Rectifier(stereo, 1)
     R_CR = rectifier.R_LC.T @ np.array(stereo.X_RL.R).T
     u, v = (np.arange(0, size + _NODE_PX, _NODE_PX, dtype=np.float64) for size in (WIDTH_PX, HEIGHT_PX))
-    rays_C = undistorted_rays(stage.told.stereo.right, u, v) @ R_CR.T
+    rays_C = undistorted_rays(scene.told.stereo.right, u, v) @ R_CR.T
     rays_C /= rays_C[..., 2:]
-    row_ns = np.rint((v - (HEIGHT_PX - 1) / 2) * stage.unit.stereo.row_time_s * 1e9).astype(np.int64)
-    R_BC = np.array(stage.unit.X_BL.R) @ rectifier.R_LC  # where the eye truly looks, through the lenses as told
-    p_BL = np.array(stage.unit.X_BL.p_m)
+    row_ns = np.rint((v - (HEIGHT_PX - 1) / 2) * scene.unit.stereo.row_time_s * 1e9).astype(np.int64)
+    R_BC = (
+        np.array(scene.unit.X_BL.R) @ rectifier.R_LC
+    )  # where the camera truly looks, through the lenses as calibrated
+    p_BL = np.array(scene.unit.X_BL.p_m)
     columns, rows = np.meshgrid(np.arange(WIDTH_PX, dtype=np.float32), np.arange(HEIGHT_PX, dtype=np.float32))
 
     def everywhere(nodes: FloatArray) -> Float32Array:
@@ -38,20 +40,20 @@ def moved_right(stage: Stage, shift_px: Callable[[Float32Array, GreyImage], Floa
     raw_per_rectified = everywhere(1.0 / (rectifier.f_px * np.gradient(rays_C[..., 0], _NODE_PX, axis=1)))
 
     def disparity(k: int) -> Float32Array:
-        motion = stage.gait.at(stage.true_ns(k) + row_ns)
+        motion = scene.gait.at(scene.true_ns(k) + row_ns)
         R_WC = motion.R_WB @ R_BC
-        slope, height_m = ground_below(stage.world, motion.p_WB_m + motion.R_WB @ p_BL, R_WC[:, :, 2])
+        slope, height_m = ground_below(scene.world, motion.p_WB_m + motion.R_WB @ p_BL, R_WC[:, :, 2])
         normal = np.stack((-np.sin(slope), 0 * slope, np.cos(slope)), axis=-1)
         theta = -np.einsum("nij,ni->nj", R_WC, normal) * (rectifier.baseline_m / (height_m * np.cos(slope)))[:, None]
-        at_nodes = np.einsum("vui,vi->vu", rays_C, theta) / (1.0 - theta[:, :1])  # seen from the right eye's place
+        at_nodes = np.einsum("vui,vi->vu", rays_C, theta) / (1.0 - theta[:, :1])  # at the right image's pixel
         return everywhere(rectifier.f_px * at_nodes)
 
-    def retouch(k: int, left: GreyImage, right: GreyImage) -> tuple[GreyImage, GreyImage]:
-        raw_px = raw_per_rectified * shift_px(disparity(stage.shown(k)), right)
+    def change(k: int, left: GreyImage, right: GreyImage) -> tuple[GreyImage, GreyImage]:
+        raw_px = raw_per_rectified * shift_px(disparity(scene.shown(k)), right)
         moved = cv2.remap(right, columns + raw_px, rows, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         return left, np.asarray(moved, np.uint8)
 
-    return retouch
+    return change
 
 
 def locked(amplitude_px: float) -> Callable[[Float32Array, GreyImage], Float32Array]:
@@ -81,16 +83,16 @@ def glossy(per_octave_px: float) -> Callable[[Float32Array, GreyImage], Float32A
     return shift_px
 
 
-def dirty(shift_px: float, centre: tuple[float, float]) -> Retouch:
-    """Return a drop on the right eye's glass: within it the picture is displaced and out of focus."""
+def dirty(shift_px: float, centre: tuple[float, float]) -> ImageChange:
+    """Return a drop on the right lens: within it the image is displaced and out of focus."""
     u, v = np.meshgrid(np.arange(WIDTH_PX, dtype=np.float32), np.arange(HEIGHT_PX, dtype=np.float32))
     away = ((u - centre[0] * WIDTH_PX) / 230.0) ** 2 + ((v - centre[1] * HEIGHT_PX) / 150.0) ** 2
     drop = np.exp(-(away**2)).astype(np.float32)
 
-    def retouch(_k: int, left: GreyImage, right: GreyImage) -> tuple[GreyImage, GreyImage]:
+    def change(_k: int, left: GreyImage, right: GreyImage) -> tuple[GreyImage, GreyImage]:
         soft = cv2.GaussianBlur(right, (0, 0), 2.0)
         bent = cv2.remap(soft, u + 2.0 * shift_px * drop, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         mixed = drop * bent + (1.0 - drop) * right
         return left, np.rint(mixed).astype(np.uint8)
 
-    return retouch
+    return change

@@ -1,4 +1,4 @@
-"""The wearer's frames played through the V4L2 node in real time, with what may befall a picture, a stamp or a call."""
+"""The wearer's frames shown by the V4L2 node in real time, with faults of images, time stamps and system calls."""
 
 import errno
 import mmap
@@ -16,20 +16,20 @@ from sim_rig.unit import HEIGHT_PX, WIDTH_PX
 from sim_rig.wearer import SimulatedWearer
 
 Pair = tuple[GreyImage, GreyImage]
-Spoil = Callable[[Pair], Pair]
-"""What becomes of the left and right picture (720, 1280); it leaves what it is given as it is."""
+ImageChange = Callable[[Pair], Pair]
+"""From the left and right image (720, 1280) to what the camera shows; it leaves what it is given as it is."""
 
 FRAME_RATE_HZ = 20
 TRANSFER_S = 0.022
 SLOTS = 40
 
 
-class PlayedCamera(Mapping[int, Fault]):
+class FaultyCamera(Mapping[int, Fault]):
     """A camera that shows the wearer's walk, frame k on the node exactly at the shutter's frame k.
 
-    `spoils` by name change pictures, `mishaps` by name say what befalls a frame (by its number k), both in the order
-    in which they came. A frame that the rendering process did not finish in time is lost, and counted in `rig_late`:
-    that is the rig's own failure. It is its node's table of frame faults as well.
+    `image_changes` by name change images, `frame_faults` by name give the fault of a frame (by its number k), both in
+    the order in which they came. A frame that the rendering process did not finish in time is lost, and counted in
+    `rig_late`: that is the rig's own failure. It is its node's table of frame faults as well.
     """
 
     def __init__(self, wearer: SimulatedWearer) -> None:
@@ -37,8 +37,8 @@ class PlayedCamera(Mapping[int, Fault]):
         self._frames = wearer.rendered_frames(SLOTS)
         self._waiting: deque[Rendered] = deque()
         self._shown: Rendered | None = None
-        self.spoils: dict[str, Spoil] = {}
-        self.mishaps: dict[str, Callable[[int], Fault | None]] = {}
+        self.image_changes: dict[str, ImageChange] = {}
+        self.frame_faults: dict[str, Callable[[int], Fault | None]] = {}
         self.rig_late = 0
         self.node = V4l2Node(
             self._pictures,
@@ -57,13 +57,14 @@ class PlayedCamera(Mapping[int, Fault]):
 
     def __getitem__(self, _frame: int) -> Fault:
         k = self._now_exposed
-        mishap = next((found for mishap in self.mishaps.values() if (found := mishap(k)) is not None), None)
-        if not self._show(k) and mishap is not Fault.UNPLUG:
-            self.rig_late += mishap is not Fault.LOST
-            mishap = Fault.LOST
-        if mishap is None:
+        faults = (of_frame(k) for of_frame in self.frame_faults.values())
+        fault = next((found for found in faults if found is not None), None)
+        if not self._show(k) and fault is not Fault.UNPLUG:
+            self.rig_late += fault is not Fault.LOST
+            fault = Fault.LOST
+        if fault is None:
             raise KeyError(k)
-        return mishap
+        return fault
 
     def __iter__(self) -> Iterator[int]:
         return iter(())
@@ -91,8 +92,8 @@ class PlayedCamera(Mapping[int, Fault]):
         if self._shown is None:
             raise RuntimeError("the node shows a frame that was never rendered")
         pair = self._frames.pictures(self._shown)
-        for spoil in tuple(self.spoils.values()):
-            pair = spoil(pair)
+        for change in tuple(self.image_changes.values()):
+            pair = change(pair)
         return pair
 
 

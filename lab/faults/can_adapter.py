@@ -25,15 +25,15 @@ _LONGEST_PARTIAL = 64
 _FRAME = re.compile(rb"t([0-9A-F]{3})([0-8])([0-9A-F]*)")
 
 
-class PtyAdapter:
+class SimulatedCanAdapter:
     """Serves the far end of the daemon's serial port; `serve` is called over and over by one thread.
 
-    While `stuck` the adapter takes nothing. `flooding` adds foreign frames, `babbling` bytes that are no frames;
+    While `stuck` the adapter takes nothing. `flooding` adds foreign frames, `sending_garbage` bytes that are no frames;
     `ankle_corrupted` flips a bit in each state of the ankle, `ankle_replayed` sends one state over and over.
     """
 
     def __init__(self, path: Path) -> None:
-        self.stuck = self.flooding = self.babbling = self.ankle_corrupted = self.ankle_replayed = False
+        self.stuck = self.flooding = self.sending_garbage = self.ankle_corrupted = self.ankle_replayed = False
         self._path = path
         self._partial = b""
         self._encoder = CanEncoder()
@@ -88,7 +88,7 @@ class PtyAdapter:
         if self.flooding:
             frames += [CanFrame(_FOREIGN_ID, bytes(range(8)))] * _FLOOD_FRAMES
         data = b"".join(_line(frame) for frame in frames)
-        if self.babbling:
+        if self.sending_garbage:
             data += self._rng.randbytes(_GARBAGE_BYTES)
         try:
             os.write(port, data)

@@ -27,7 +27,7 @@ WRONG_TILT_RAD = math.radians(3.0)
 SIGMAS = 4.0
 STALE_S = 0.150
 AT_AN_EDGE = (Reason.NOT_PLANAR, Reason.TOO_STEEP, Reason.LOW_TEXTURE, Reason.OUT_OF_RANGE)
-"""Reasons for which a sound unit may refuse a frame whose foothold has an edge; such a refusal flags nothing."""
+"""Reasons for which a faultless unit may refuse a frame whose foothold has an edge; such a refusal flags nothing."""
 
 _BOUNDS = (WRONG_SLOPE_RAD, WRONG_SLOPE_RAD, WRONG_HEIGHT_M)
 

@@ -5,14 +5,15 @@ from typing import Final
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, firwin, lfilter, sosfiltfilt, upfirdn
+from scipy.signal import butter, lfilter, sosfiltfilt, upfirdn
 
-from lab.hidden.platform.mechanics import OVERSAMPLING, RATE_HZ, SETTLE_S, STEP_S
 from messages.arrays import FloatArray
+from sim_rig.platform.extended.mechanics import SETTLE_S
+from sim_rig.platform.rig import MOTION_HZ
+from sim_rig.platform.run import OVERSAMPLING, STEP_S, anti_alias_taps
 
-_ANTI_ALIAS_TAPS: Final = 401
-_ANTI_ALIAS_HZ: Final = 145.0
 _PRESLIDING_RAD: Final = 2e-5
+"""How far dry friction gives way before it slips: far below the bare plate's swing of 9e-3 rad RMS."""
 
 
 def sampled(fine: FloatArray, count: int, *, raw: bool = False) -> FloatArray:
@@ -20,8 +21,8 @@ def sampled(fine: FloatArray, count: int, *, raw: bool = False) -> FloatArray:
     first = round(SETTLE_S / STEP_S)
     if raw:
         return fine[:, first::OVERSAMPLING][:, :count]
-    half = _ANTI_ALIAS_TAPS // 2
-    taps = firwin(_ANTI_ALIAS_TAPS, _ANTI_ALIAS_HZ, window=("kaiser", 8.0), fs=1.0 / STEP_S)
+    taps = anti_alias_taps()
+    half = len(taps) // 2
     kept: FloatArray = upfirdn(taps, fine[:, first - half :], down=OVERSAMPLING, axis=1)
     skipped = 2 * half // OVERSAMPLING
     return kept[:, skipped : skipped + count]
@@ -42,7 +43,7 @@ def lagging(fine: FloatArray, lag_s: float) -> FloatArray:
 
 def smoothed(poses: FloatArray, cutoff_hz: float) -> FloatArray:
     """Return poses (c, n) at 350 Hz behind a Butterworth filter of second order, run forth and back."""
-    y: FloatArray = sosfiltfilt(butter(2, cutoff_hz, fs=RATE_HZ, output="sos"), poses, axis=1)
+    y: FloatArray = sosfiltfilt(butter(2, cutoff_hz, fs=MOTION_HZ, output="sos"), poses, axis=1)
     return y
 
 

@@ -14,10 +14,8 @@ from impedance.body.rigid_body import Inertia
 from messages.arrays import FloatArray
 from sim_rig.platform.model import DRIVE_HZ, drive_body, drive_spring, inertial, numbers
 from sim_rig.platform.rig import Rig
+from sim_rig.platform.run import STEP_S
 
-RATE_HZ: Final = 350.0
-OVERSAMPLING: Final = 10
-STEP_S: Final = 1.0 / (OVERSAMPLING * RATE_HZ)
 SETTLE_S: Final = 1.0
 _RIG: Final = Rig()
 _SAME_NM: Final = 1e-6
@@ -31,7 +29,7 @@ class Mechanics:
     """What stands on the joint, and how.
 
     `lever_m` (3,) reaches from the joint to P's origin; the sensor sits at `sensor_m` (3,) in P, turned by
-    `sensor_turn_rad` (3,), a rotation vector. `hidden` are extra point masses (kg, place in P). The foot is rigidly
+    `sensor_turn_rad` (3,), a rotation vector. `masses` are extra point masses (kg, place in P). The foot is rigidly
     mounted, or rocks about P's origin where `tape_hz` (about z, about x) is finite, with `tape_zeta`. `jumps` lets the
     torques act as the steps they are.
     """
@@ -42,15 +40,15 @@ class Mechanics:
     lever_m: FloatArray
     sensor_m: FloatArray
     sensor_turn_rad: FloatArray
-    hidden: tuple[tuple[float, FloatArray], ...] = ()
+    masses: tuple[tuple[float, FloatArray], ...] = ()
     tape_hz: tuple[float, float] = (np.inf, np.inf)
     tape_zeta: float = 0.0
     jumps: bool = False
 
     @property
     def tared(self) -> FloatArray:
-        """Return what the sensor reads (6,) of plate and hidden masses, level and at rest."""
-        loads = [(self.plate.mass_kg, self.plate.cog_m), *self.hidden]
+        """Return what the sensor reads (6,) of plate and extra masses, level and at rest."""
+        loads = [(self.plate.mass_kg, self.plate.cog_m), *self.masses]
         force = np.array([0.0, PLATFORM_GRAVITY_MPS2 * sum(mass for mass, _ in loads), 0.0])
         moment = sum((np.cross(place, [0.0, PLATFORM_GRAVITY_MPS2 * mass, 0.0]) for mass, place in loads), np.zeros(3))
         return self.read(np.concatenate((force, moment))[:, None])[:, 0]
@@ -126,9 +124,9 @@ def _before_jumps(wrench: FloatArray, torque_nm: FloatArray) -> None:
 def _xml(m: Mechanics) -> str:
     driven = ("theta", "phi") if m.jumps else ("theta_drive", "phi_drive")
     lag = "" if m.jumps else f'dyntype="filter" dynprm="{1.0 / (2.0 * np.pi * DRIVE_HZ)!r}"'
-    hidden = "".join(
+    masses = "".join(
         f'<body pos="{numbers(place)}"><inertial mass="{mass!r}" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>'
-        for mass, place in m.hidden
+        for mass, place in m.masses
     )
     axes = [name for name, hz in zip(("delta", "epsilon"), m.tape_hz, strict=True) if np.isfinite(hz)]
     tape_sensors = "".join(f'<jointpos joint="{name}"/>' for name in axes)
@@ -147,7 +145,7 @@ def _xml(m: Mechanics) -> str:
       <body name="plate" pos="{numbers(m.lever_m)}">
         {inertial(m.plate)}
         <site name="S" pos="{numbers(m.sensor_m)}" quat="{numbers(_quaternion(m.sensor_turn_rad))}"/>
-        {hidden}{_foot(m)}
+        {masses}{_foot(m)}
       </body>
     </body>
     {"" if m.jumps else drive_body("theta", "0 0 1") + drive_body("phi", "1 0 0")}

@@ -7,9 +7,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from lab.faults import judgement
+from lab.faults import criteria
+from lab.faults.criteria import Errors, errors_of, flags, is_wrong_attitude, tilt_error_rad
 from lab.faults.fault import Expect
-from lab.faults.judgement import Errors, errors_of, flags, is_wrong_attitude, tilt_error_rad
 from lab.faults.listener import Heard, HeardAttitude, HeardOnCan
 from lab.faults.trial import Expectation, Measured, Times, failures, is_steady, measure, recovery_s
 from messages import Attitude, GroundPlane, GroundTruth, Reason, Status
@@ -165,9 +165,9 @@ def test_what_takes_motion_is_not_flagged_by_chance() -> None:
 
 def test_no_recovery_without_the_bus() -> None:
     frames = [heard(k) for k in range(30)]
-    assert not math.isnan(recovery_s(frames, on_can(frames), 10 * FRAME_NS))
-    assert math.isnan(recovery_s(frames, [], 10 * FRAME_NS))
-    assert math.isnan(recovery_s(frames[:15], on_can(frames), 10 * FRAME_NS))
+    assert recovery_s(frames, on_can(frames), 10 * FRAME_NS) is not None
+    assert recovery_s(frames, [], 10 * FRAME_NS) is None
+    assert recovery_s(frames[:15], on_can(frames), 10 * FRAME_NS) is None
 
 
 def test_who_is_valid_but_wrong_has_not_recovered() -> None:
@@ -185,7 +185,7 @@ def test_steady_means_fresh_and_without_a_flag() -> None:
 
 
 GOOD = Measured(
-    flag_s=NAN,
+    flag_s=None,
     flag_reason="",
     recovery_s=0.03,
     frames=30,
@@ -203,16 +203,16 @@ GOOD = Measured(
     ("expect", "found", "why"),
     [
         (Expect.TOLERATED, GOOD, []),
-        (Expect.TOLERATED, msgspec.structs.replace(GOOD, flags=2, flag_reason="no_imu"), ["dropped out for 2 frames"]),
+        (Expect.TOLERATED, msgspec.structs.replace(GOOD, flags=2, flag_reason="no_imu"), ["2 frames marked invalid"]),
         (Expect.TOLERATED, msgspec.structs.replace(GOOD, frames=11), ["only 11 frames"]),
         (Expect.FLAGGED, GOOD, ["never flagged"]),
         (Expect.FLAGGED, msgspec.structs.replace(GOOD, flag_s=0.049), []),
         (Expect.FLAGGED, msgspec.structs.replace(GOOD, flag_s=0.051), ["flagged after 51 ms"]),
         (Expect.HONEST, msgspec.structs.replace(GOOD, flags=9, flag_s=0.2), []),
-        (Expect.HONEST, msgspec.structs.replace(GOOD, wrong=1), ["1 wrong"]),
-        (Expect.SILENT, msgspec.structs.replace(GOOD, frames=0, stale=2), ["2 stale"]),
+        (Expect.HONEST, msgspec.structs.replace(GOOD, wrong=1), ["1 wrong ground"]),
+        (Expect.SILENT, msgspec.structs.replace(GOOD, frames=0, stale=2), ["2 ground estimates too old"]),
         (Expect.UNDETECTABLE, msgspec.structs.replace(GOOD, wrong=90, wrong_on_can=88), []),
-        (Expect.UNDETECTABLE, msgspec.structs.replace(GOOD, recovery_s=NAN), ["did not recover"]),
+        (Expect.UNDETECTABLE, msgspec.structs.replace(GOOD, recovery_s=None), ["did not recover"]),
         (Expect.HONEST, msgspec.structs.replace(GOOD, recovery_s=2.5), ["recovered after 2.5 s"]),
     ],
 )
@@ -223,5 +223,5 @@ def test_the_verdict_names_what_is_amiss(expect: Expect, found: Measured, why: l
 
 
 def test_the_limits_are_those_of_the_promise() -> None:
-    assert math.radians(3.0) == judgement.WRONG_SLOPE_RAD
-    assert judgement.WRONG_HEIGHT_M == 3 * 0.015
+    assert math.radians(3.0) == criteria.WRONG_SLOPE_RAD
+    assert criteria.WRONG_HEIGHT_M == 3 * 0.015

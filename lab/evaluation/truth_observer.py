@@ -1,4 +1,4 @@
-"""Holds each ground estimate of a running service against the truth of its frame."""
+"""Compares each ground estimate of a running service with the truth of its frame."""
 
 from daemon.recorder import Recorder
 from lab.evaluation.score import Scoreboard
@@ -7,7 +7,7 @@ from perception.ground.foothold import FootholdSettings
 from sim_rig.wearer import SimulatedWearer
 
 
-class Referee:
+class TruthObserver:
     """Observer of the service; the truth goes to the scoreboard and, if there is one, to the recorder."""
 
     def __init__(self, wearer: SimulatedWearer, foothold: FootholdSettings, recorder: Recorder | None = None) -> None:

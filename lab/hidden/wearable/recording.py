@@ -30,7 +30,7 @@ from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import Gait, Motion
 from sim_rig.walk.world import World
 
-Retouch = Callable[[int, GreyImage, GreyImage], tuple[GreyImage, GreyImage]]
+ImageChange = Callable[[int, GreyImage, GreyImage], tuple[GreyImage, GreyImage]]
 
 FRAME_NS = TOPICS["frame"].period_ns
 FOOTHOLD_M = 0.7
@@ -40,7 +40,7 @@ _TRACK_NS = 5_000_000
 _TRACK_MARGIN_NS = 150_000_000
 _LATENCY_NS = 38_000_000
 _MARKER_FILTER_S = 0.015
-_GRAIN_MARGIN = 256
+_NOISE_MARGIN = 256
 
 
 def _nothing(t_ns: IntArray) -> FloatArray:
@@ -52,17 +52,17 @@ def _no_error(_k: int) -> int:
 
 
 @dataclass(frozen=True)
-class Stage:
+class Scene:
     """All that makes one recording. `unit` is what truly is, `told` the calibration that the recording carries.
 
     Callables take the frame's number or instants (n,) in ns. `mount_C_rad` turns the camera in its mount, as a
     rotation vector (n, 3) in the left camera's axes; `vehicle_W_mps2` (n, 3) is how the room itself accelerates, which
     neither `gait` nor the laboratory's reference sees. `stamp_error_ns` is stamp minus true mid-exposure.
-    The right eye looks `lag_right_ns` later; frame k shows what frame `shown(k)` saw; pictures are exposed for
-    `untold_exposure_s` longer than their headers say. `retouch` alters the finished pictures, 1280×720, of the stage
-    that is given to it: the one in the end, with all that other causes change.
+    The right camera exposes `lag_right_ns` later; frame k shows what frame `shown(k)` saw; images are exposed for
+    `untold_exposure_s` longer than their headers say. `image_changes` alter the finished images, 1280×720; each is
+    made for the scene in the end, with all that other causes change.
     `ground_says` turns the true slope and height (n,) into what the laboratory writes down. `reference_noise` is the
-    deviation in rad and m, `grain` that of the pictures' additional noise in grey levels.
+    deviation in rad and m, `pixel_noise` that of the images' additional noise in grey levels.
     """
 
     unit: Unit
@@ -79,11 +79,11 @@ class Stage:
     mount_C_rad: Callable[[IntArray], FloatArray] = _nothing
     vehicle_W_mps2: Callable[[IntArray], FloatArray] = _nothing
     unit_at: Callable[[int], Unit] | None = None
-    retouch: tuple[Callable[["Stage"], Retouch], ...] = ()
+    image_changes: tuple[Callable[["Scene"], ImageChange], ...] = ()
     shown: Callable[[int], int] = field(default=lambda k: k)
     ground_says: Callable[[IntArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None = None
     reference_noise: tuple[float, float] = (5e-5, 5e-5)
-    grain: float = 0.0
+    pixel_noise: float = 0.0
 
     @property
     def end_ns(self) -> int:
@@ -98,34 +98,34 @@ class Stage:
 class _Mounted:
     """The gait as the camera feels it: turned in its mount, and `late_ns` later. It passes for a Gait."""
 
-    def __init__(self, stage: Stage, late_ns: int) -> None:
-        self._stage, self._late_ns = stage, late_ns
-        self._R_BL = np.array(stage.unit.X_BL.R)
+    def __init__(self, scene: Scene, late_ns: int) -> None:
+        self._scene, self._late_ns = scene, late_ns
+        self._R_BL = np.array(scene.unit.X_BL.R)
 
     def at(self, t_ns: IntArray) -> Motion:
         t_ns = np.asarray(t_ns) + self._late_ns
-        motion = self._stage.gait.at(t_ns)
-        turned = Rotation.from_rotvec(self._stage.mount_C_rad(t_ns) @ self._R_BL.T).as_matrix()
+        motion = self._scene.gait.at(t_ns)
+        turned = Rotation.from_rotvec(self._scene.mount_C_rad(t_ns) @ self._R_BL.T).as_matrix()
         return replace(motion, R_WB=motion.R_WB @ turned)
 
 
-def write_recording(stage: Stage, folder: Path) -> None:
+def write_recording(scene: Scene, folder: Path) -> None:
     """Write walk.mcap, ground.csv and reference.csv into `folder`, which is made here."""
     folder.mkdir(parents=True, exist_ok=True)
     info = RecordingInfo(
         device="wearer",
         source=Source.SIMULATED,
-        calibration_text=format_calibration(binned(stage.told)),
+        calibration_text=format_calibration(binned(scene.told)),
         configuration_text=format_configuration(Configuration()),
     )
     file = RecordingFile(folder / "walk.mcap", info)
-    for message in _inputs(stage):
+    for message in _inputs(scene):
         if isinstance(message, StereoFrame):
             file.write(entries_of(message, message.header.t_arrival_ns))
         else:
             file.write(entries_of(message, message.t_arrival_ns))
     file.close()
-    _write_tables(stage, folder)
+    _write_tables(scene, folder)
 
 
 def binned(calibration: Calibration) -> Calibration:
@@ -151,46 +151,46 @@ def _half(lens: Lens) -> Lens:
     )
 
 
-def _inputs(stage: Stage) -> Iterator[ImuSample | StereoFrame]:
+def _inputs(scene: Scene) -> Iterator[ImuSample | StereoFrame]:
     """Yield samples and frames in the order in which they arrive."""
-    return heapq.merge(_samples(stage), _pairs(stage), key=_arrival)
+    return heapq.merge(_samples(scene), _pairs(scene), key=_arrival)
 
 
 def _arrival(message: ImuSample | StereoFrame) -> int:
     return message.header.t_arrival_ns if isinstance(message, StereoFrame) else message.t_arrival_ns
 
 
-def _samples(stage: Stage) -> Iterator[ImuSample]:
+def _samples(scene: Scene) -> Iterator[ImuSample]:
     def felt(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
-        motion = stage.gait.at(t_ns)
-        vehicle_B = np.einsum("nij,ni->nj", motion.R_WB, stage.vehicle_W_mps2(t_ns))
+        motion = scene.gait.at(t_ns)
+        vehicle_B = np.einsum("nij,ni->nj", motion.R_WB, scene.vehicle_W_mps2(t_ns))
         return motion.sf_B_mps2 + vehicle_B, motion.w_WB_B_radps
 
-    clock = SimulatedClock(stage.first_ns - _BOOT_NS)
-    chip = Mpu6050Chip(felt, stage.unit.chip, clock, stage.seed)
+    clock = SimulatedClock(scene.first_ns - _BOOT_NS)
+    chip = Mpu6050Chip(felt, scene.unit.chip, clock, scene.seed)
     wires = I2cWires({0x68: chip}, elapse=clock.sleep)
     imu = Mpu6050(wires.open, settings=Mpu6050Settings(), clock=clock, sleep=clock.sleep)
     imu.open()
-    for t_ns in range(clock(), stage.end_ns + FRAME_NS, _POLL_NS):
+    for t_ns in range(clock(), scene.end_ns + FRAME_NS, _POLL_NS):
         clock.advance_to(t_ns)
         yield from imu.read(timeout_s=0.0)
     imu.close()
 
 
-def _pairs(stage: Stage) -> Iterator[StereoFrame]:
-    eyes = _Eyes(stage)
-    grain = _Grain(stage)
-    retouches = [retouch(stage) for retouch in stage.retouch]
-    for k in range(stage.frames):
-        left, right = (grain.on(picture) for picture in eyes.see(stage.shown(k)))
-        for retouch in retouches:
-            left, right = retouch(k, left, right)
-        true_ns = stage.true_ns(k)
+def _pairs(scene: Scene) -> Iterator[StereoFrame]:
+    cameras = _Cameras(scene)
+    pixel_noise = _PixelNoise(scene)
+    changes = [change(scene) for change in scene.image_changes]
+    for k in range(scene.frames):
+        left, right = (pixel_noise.on(picture) for picture in cameras.images(scene.shown(k)))
+        for change in changes:
+            left, right = change(k, left, right)
+        true_ns = scene.true_ns(k)
         header = FrameHeader(
             seq=k,
-            t_exposure_ns=true_ns + stage.stamp_error_ns(k),
+            t_exposure_ns=true_ns + scene.stamp_error_ns(k),
             t_arrival_ns=true_ns + _LATENCY_NS,
-            exposure_s=stage.exposure_s(k),
+            exposure_s=scene.exposure_s(k),
             width_px=WIDTH_PX // 2,
             height_px=HEIGHT_PX // 2,
         )
@@ -200,54 +200,54 @@ def _pairs(stage: Stage) -> Iterator[StereoFrame]:
         yield StereoFrame(header=header, left=left, right=right)
 
 
-class _Grain:
-    """Noise of a picture, a stretch at a random place of one large field for each: drawing it anew takes far longer."""
+class _PixelNoise:
+    """Noise of an image: for each a part at a random place of one large field, for drawing it anew takes far longer."""
 
-    def __init__(self, stage: Stage) -> None:
-        self._random = np.random.default_rng([stage.seed, 11])
-        shape = (HEIGHT_PX + _GRAIN_MARGIN, WIDTH_PX + _GRAIN_MARGIN)
-        self._field = np.float32(stage.grain) * self._random.standard_normal(shape, dtype=np.float32)
+    def __init__(self, scene: Scene) -> None:
+        self._random = np.random.default_rng([scene.seed, 11])
+        shape = (HEIGHT_PX + _NOISE_MARGIN, WIDTH_PX + _NOISE_MARGIN)
+        self._field = np.float32(scene.pixel_noise) * self._random.standard_normal(shape, dtype=np.float32)
 
     def on(self, picture: GreyImage) -> GreyImage:
-        row, column = self._random.integers(0, _GRAIN_MARGIN, 2)
+        row, column = self._random.integers(0, _NOISE_MARGIN, 2)
         noise = self._field[row : row + HEIGHT_PX, column : column + WIDTH_PX]
         return cv2.add(picture, noise, dtype=cv2.CV_8U)  # type: ignore[return-value]
 
 
-class _Eyes:
-    """The renderer, or two of them where the right eye looks later, or a new one each frame where the unit changes."""
+class _Cameras:
+    """The renderer, or two where the right camera exposes later, or a new one each frame where the unit changes."""
 
-    def __init__(self, stage: Stage) -> None:
-        self._stage = stage
-        self._left = self._renderer(stage.unit, 0)
-        self._right = self._renderer(stage.unit, stage.lag_right_ns) if stage.lag_right_ns else None
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._left = self._renderer(scene.unit, 0)
+        self._right = self._renderer(scene.unit, scene.lag_right_ns) if scene.lag_right_ns else None
         self._pictures = np.empty((3, HEIGHT_PX, WIDTH_PX), np.uint8)
 
-    def see(self, k: int) -> tuple[GreyImage, GreyImage]:
-        stage = self._stage
+    def images(self, k: int) -> tuple[GreyImage, GreyImage]:
+        scene = self._scene
         left, right, spare = self._pictures
-        renderer = self._left if stage.unit_at is None else self._renderer(stage.unit_at(k), 0)
-        exposed_s = stage.exposure_s(k) + stage.untold_exposure_s
-        renderer.render(stage.true_ns(k), exposed_s, k, left, right)
+        renderer = self._left if scene.unit_at is None else self._renderer(scene.unit_at(k), 0)
+        exposed_s = scene.exposure_s(k) + scene.untold_exposure_s
+        renderer.render(scene.true_ns(k), exposed_s, k, left, right)
         if self._right is not None:
-            self._right.render(stage.true_ns(k), exposed_s, k, spare, right)
+            self._right.render(scene.true_ns(k), exposed_s, k, spare, right)
         return left, right
 
     def _renderer(self, unit: Unit, late_ns: int) -> Renderer:
-        felt: Gait = _Mounted(self._stage, late_ns)  # type: ignore[assignment]
-        return Renderer(unit, self._stage.world, felt, self._stage.seed)
+        felt: Gait = _Mounted(self._scene, late_ns)  # type: ignore[assignment]
+        return Renderer(unit, self._scene.world, felt, self._scene.seed)
 
 
-def _write_tables(stage: Stage, folder: Path) -> None:
+def _write_tables(scene: Scene, folder: Path) -> None:
     """Write what the laboratory knows: the ground under the left eye and how B moves, 200 times a second."""
-    t_ns = np.arange(stage.first_ns - _TRACK_MARGIN_NS, stage.end_ns + _TRACK_MARGIN_NS, _TRACK_NS)
-    motion = stage.gait.at(t_ns)
-    p_WL = motion.p_WB_m + motion.R_WB @ np.array(stage.unit.X_BL.p_m)
-    slope, height_m = ground_below(stage.world, p_WL, motion.R_WB @ np.array(stage.unit.X_BL.R)[:, 2])
-    if stage.ground_says is not None:
-        slope, height_m = stage.ground_says(t_ns, slope, height_m)
-    random = np.random.default_rng([stage.seed, 12])
-    angle_rad, position_m = stage.reference_noise
+    t_ns = np.arange(scene.first_ns - _TRACK_MARGIN_NS, scene.end_ns + _TRACK_MARGIN_NS, _TRACK_NS)
+    motion = scene.gait.at(t_ns)
+    p_WL = motion.p_WB_m + motion.R_WB @ np.array(scene.unit.X_BL.p_m)
+    slope, height_m = ground_below(scene.world, p_WL, motion.R_WB @ np.array(scene.unit.X_BL.R)[:, 2])
+    if scene.ground_says is not None:
+        slope, height_m = scene.ground_says(t_ns, slope, height_m)
+    random = np.random.default_rng([scene.seed, 12])
+    angle_rad, position_m = scene.reference_noise
 
     def tracking(deviation: float, columns: int) -> FloatArray:
         white = random.standard_normal((len(t_ns), columns))

@@ -1,9 +1,9 @@
-"""Where trials take place: one walking wearer, one running daemon, its outlets and its listener.
+"""The daemon under test, with one walking wearer, the faults around it, and what it sends.
 
-stage ─── orders ───► daemon's process: bench (chip, camera node) ─ drivers ─ service
-  ▲  ▲                                                                          │
-  │  └──────────────────────────── Zenoh, loopback ─────────────────────────────┤
-  └─── CAN, slcan over a pseudo-terminal ───────────────────────────────────────┘
+campaign ── orders ──► daemon's process: simulated hardware (chip, camera node) ─ drivers ─ service
+  ▲  ▲                                                                                       │
+  │  └──────────────────────────────── Zenoh, loopback ──────────────────────────────────────┤
+  └────── CAN, slcan over a pseudo-terminal ─────────────────────────────────────────────────┘
 """
 
 import socket
@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.faults.adapter import PtyAdapter
+from lab.faults.can_adapter import SimulatedCanAdapter
 from lab.faults.catalogue import carry_out
 from lab.faults.daemon_process import DEVICE, DaemonPlan, DaemonProcess, Order, open_files, resident_mb, threads
-from lab.faults.fault import Fault, Outside, Tamper
+from lab.faults.fault import Fault, HardwareAction, OutsideAction
 from lab.faults.listener import Listener
 from lab.faults.report import FaultFree, Process
 from lab.faults.surroundings import Surroundings
@@ -26,15 +26,15 @@ from lab.faults.trial import is_steady
 from messages import UserError
 
 SCENARIO = "ramps"
-_LEAD_S = 6.0
-_SERVE_S = 0.003
-_STEADY_FRAMES = 20
+_LEAD_S = 6.0  # before the wearer's clock starts: by then the first daemon runs
+_SERVE_S = 0.003  # for one look at the bus, far below what makes a message late
+_STEADY_FRAMES = 20  # a second of right grounds, and of right attitudes, is steady
 _STEADY_ATTITUDES = 100
-_WALK_AHEAD_S = 5.0
-_GRID_S = 0.05
+_WALK_AHEAD_S = 5.0  # of walking that must lie ahead of a fault that needs motion
+_GRID_S = 0.05  # steps in which walking and standing are told apart
 
 
-class Stage:
+class DaemonUnderTest:
     """Keeps the daemon running in `folder`, an empty one, and hears it. Close it when done.
 
     A start may take `patience_s` to a steady ground; a machine that is busy with other things needs more.
@@ -42,7 +42,7 @@ class Stage:
 
     def __init__(self, seed: int, folder: Path, *, patience_s: float = 15.0) -> None:
         self._patience_s = patience_s
-        self.adapter = PtyAdapter(folder / "can-adapter")
+        self.adapter = SimulatedCanAdapter(folder / "can-adapter")
         self.plan = DaemonPlan(
             seed=seed,
             scenario=SCENARIO,
@@ -104,9 +104,9 @@ class Stage:
         self._act(fault, inject=False)
 
     def _act(self, fault: Fault, *, inject: bool) -> None:
-        if isinstance(fault.act, Outside):
+        if isinstance(fault.act, OutsideAction):
             (fault.act.inject if inject else fault.act.clear)(self.around)
-        elif isinstance(fault.act, Tamper):
+        elif isinstance(fault.act, HardwareAction):
             self._running().order(Order(fault.name, inject))
         else:
             raise TypeError(f"{fault.name} does not come and go while the daemon runs")

@@ -1,4 +1,4 @@
-"""The campaign's serial adapter: what the daemon's own link sees of it, sound and spoilt."""
+"""The campaign's serial adapter: what the daemon's own link sees of it, faultless and with faults."""
 
 import contextlib
 import time
@@ -8,26 +8,26 @@ from pathlib import Path
 import pytest
 
 from drivers.can.link import CanLink, SendResult
-from lab.faults.adapter import PtyAdapter
+from lab.faults.can_adapter import SimulatedCanAdapter
 from messages.can_frames import CanEncoder, CanFrame
 from messages.e2e import E2eCheck
 from tests.bench.can_samples import ground, stamp
 
 
 @pytest.fixture
-def adapter(tmp_path: Path) -> Iterator[PtyAdapter]:
-    made = PtyAdapter(tmp_path / "adapter")
+def adapter(tmp_path: Path) -> Iterator[SimulatedCanAdapter]:
+    made = SimulatedCanAdapter(tmp_path / "adapter")
     yield made
     made.unplug()
 
 
 @pytest.fixture
-def link(adapter: PtyAdapter) -> Iterator[CanLink]:
+def link(adapter: SimulatedCanAdapter) -> Iterator[CanLink]:
     with contextlib.closing(CanLink(adapter.settings)) as made:
         yield made
 
 
-def served(adapter: PtyAdapter, link: CanLink, until: Callable[[], bool]) -> list[CanFrame]:
+def served(adapter: SimulatedCanAdapter, link: CanLink, until: Callable[[], bool]) -> list[CanFrame]:
     """Let the bus and the link work by turns until `until`, or for ten seconds, and return what the link has sent."""
     heard: list[CanFrame] = []
     deadline_s = time.monotonic() + 10.0
@@ -38,13 +38,13 @@ def served(adapter: PtyAdapter, link: CanLink, until: Callable[[], bool]) -> lis
     return heard
 
 
-def test_the_ankle_is_heard_and_the_daemon_is_heard(adapter: PtyAdapter, link: CanLink) -> None:
+def test_the_ankle_is_heard_and_the_daemon_is_heard(adapter: SimulatedCanAdapter, link: CanLink) -> None:
     sent = list(CanEncoder().ground(ground(), stamp(seq=0), 0.04))
     assert [link.send(frame) for frame in sent] == [SendResult.SENT] * 2
     assert served(adapter, link, lambda: link.counters.ankle_states >= 3) == sent
 
 
-def test_spoilt_states_of_the_ankle_are_refused(adapter: PtyAdapter, link: CanLink) -> None:
+def test_corrupted_states_of_the_ankle_are_refused(adapter: SimulatedCanAdapter, link: CanLink) -> None:
     served(adapter, link, lambda: link.counters.ankle_states >= 1)
     adapter.ankle_corrupted = True
     served(adapter, link, lambda: link.counters.ankle_refused.get(E2eCheck.WRONG_CRC, 0) >= 3)
@@ -52,17 +52,17 @@ def test_spoilt_states_of_the_ankle_are_refused(adapter: PtyAdapter, link: CanLi
     served(adapter, link, lambda: link.counters.ankle_refused.get(E2eCheck.REPEATED, 0) >= 3)
 
 
-def test_a_flood_and_garbage_leave_the_ankle_audible(adapter: PtyAdapter, link: CanLink) -> None:
+def test_a_flood_and_garbage_leave_the_ankle_audible(adapter: SimulatedCanAdapter, link: CanLink) -> None:
     adapter.flooding = True
     served(adapter, link, lambda: link.counters.ankle_states >= 3)
-    adapter.flooding, adapter.babbling = False, True
+    adapter.flooding, adapter.sending_garbage = False, True
     served(adapter, link, lambda: link.counters.bus_errors >= 1)
-    adapter.babbling = False
+    adapter.sending_garbage = False
     before = link.counters.ankle_states
     served(adapter, link, lambda: link.counters.ankle_states >= before + 3)
 
 
-def test_a_port_that_vanishes_is_found_again_under_its_name(adapter: PtyAdapter, link: CanLink) -> None:
+def test_a_port_that_vanishes_is_found_again_under_its_name(adapter: SimulatedCanAdapter, link: CanLink) -> None:
     served(adapter, link, lambda: link.counters.ankle_states >= 1)
     adapter.unplug()
     served(adapter, link, lambda: link.counters.outages == 1)
@@ -71,7 +71,7 @@ def test_a_port_that_vanishes_is_found_again_under_its_name(adapter: PtyAdapter,
     served(adapter, link, lambda: link.counters.ankle_states > before)
 
 
-def test_an_adapter_that_takes_nothing_fills_its_port(adapter: PtyAdapter, link: CanLink) -> None:
+def test_an_adapter_that_takes_nothing_fills_its_port(adapter: SimulatedCanAdapter, link: CanLink) -> None:
     adapter.stuck = True
     frame = CanFrame(0x1A0, bytes(8))
     results = [link.send(frame) for _ in range(2000)]

@@ -1,12 +1,19 @@
 """A campaign in the words and units of a person."""
 
-import math
 from collections.abc import Iterator
 
 from lab.faults.fault import Expect, Fault
 from lab.faults.report import CampaignReport, TrialReport
 
-COLUMNS = ("fault", "expected", "flag", "recovery", "wrong", "stale", "verdict")
+COLUMNS = ("fault", "expected", "flagged after", "recovered after", "wrong", "too old", "verdict")
+_WORDS = {
+    Expect.FLAGGED: "flagged",
+    Expect.SILENT: "no output",
+    Expect.TOLERATED: "stays valid",
+    Expect.HONEST: "valid or flagged",
+    Expect.UNDETECTABLE: "not detectable",
+    Expect.REFUSED: "refused",
+}
 
 
 def listing(fault: Fault) -> str:
@@ -14,7 +21,7 @@ def listing(fault: Fault) -> str:
     limit = f" ≤ {_short(fault.limit_s)}" if fault.expect is Expect.FLAGGED else ""
     walking = " of walking" if fault.in_motion and limit else ""
     why = f"\n    {fault.reason}" if fault.reason else ""
-    return f"{fault.name}  {fault.layer.value}, {fault.expect.value}{limit}{walking}\n    {fault.how}{why}"
+    return f"{fault.name}  {fault.layer.value}, {_WORDS[fault.expect]}{limit}{walking}\n    {fault.how}{why}"
 
 
 def row(report: TrialReport) -> list[str]:
@@ -22,12 +29,12 @@ def row(report: TrialReport) -> list[str]:
     limit = f" ≤ {_short(report.limit_s)}" if report.expect is Expect.FLAGGED else ""
     found = report.measured
     if found is None:
-        return [report.name, report.expect.value + limit, "", "", "", "", report.verdict]
+        return [report.name, _WORDS[report.expect] + limit, "", "", "", "", report.verdict]
     return [
         report.name,
-        report.expect.value + limit,
-        "" if math.isnan(found.flag_s) else f"{_short(found.flag_s)} {found.flag_reason}",
-        "–" if math.isnan(found.recovery_s) else f"{found.recovery_s:.2f} s",
+        _WORDS[report.expect] + limit,
+        "" if found.flag_s is None else f"{_short(found.flag_s)} {found.flag_reason}",
+        "–" if found.recovery_s is None else f"{found.recovery_s:.2f} s",
         str(found.wrong + found.wrong_on_can + found.wrong_attitudes),
         str(found.stale),
         report.verdict,
@@ -39,7 +46,7 @@ def line(report: TrialReport) -> str:
     cells = [cell for cell in row(report) if cell]
     if report.measured is not None:
         worst = report.measured
-        cells.insert(-1, f"off by {worst.worst_slope_deg:.1f}°, {worst.worst_height_mm:.0f} mm at most")
+        cells.insert(-1, f"largest errors {worst.worst_slope_deg:.1f}°, {worst.worst_height_mm:.0f} mm")
     return "  ".join(cells) + "".join(f"; {why}" for why in report.failures) + (f" ({report.told})" * bool(report.told))
 
 
@@ -55,16 +62,16 @@ def summary(report: CampaignReport) -> Iterator[tuple[str, str]]:
         f"{sum(m.wrong for m in measured)}, " + str(sum(m.wrong_on_can for m in measured)),
     )
     yield "wrong attitudes marked valid", str(sum(m.wrong_attitudes for m in measured))
-    yield "stale ground marked valid", str(sum(m.stale for m in measured))
+    yield "too old ground marked valid", str(sum(m.stale for m in measured))
     yield "fault-free time", f"{free.seconds:.0f} s, {free.frames} frames"
-    yield "of these valid, wrong, stale", f"{100 * free.valid_share:.2f} %, {free.wrong}, {free.stale}"
-    yield "wrong attitudes in it", str(free.wrong_attitudes)
+    yield "of these valid, wrong, too old", f"{100 * free.valid_share:.2f} %, {free.wrong}, {free.stale}"
+    yield "wrong attitudes in that time", str(free.wrong_attitudes)
     if process is not None:
-        yield "longest-lived daemon", f"{process.seconds:.0f} s"
+        yield "longest run of one daemon", f"{process.seconds:.0f} s"
         yield "its memory", "{:.0f} → {:.0f} MB".format(*process.memory_mb)
         yield "its threads, open files", "{} → {}, ".format(*process.threads) + "{} → {}".format(*process.open_files)
     yield "starts, stops that hung", f"{report.starts}, {report.hung_stops}"
-    yield "messages heard while the listener was held up", str(report.held_up)
+    yield "messages not judged by age (the test itself was late)", str(report.held_up)
 
 
 def _short(seconds: float) -> str:

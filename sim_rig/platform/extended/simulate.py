@@ -10,14 +10,14 @@ import numpy as np
 
 from impedance.body.rigid_body import Inertia
 from impedance.recording.recording import PlatformRecording, Truth
-from lab.hidden.platform.drawn import CHANNELS, together
-from lab.hidden.platform.laboratory import mechanics_of, recorded, reference_of
-from lab.hidden.platform.mechanics import ran
-from lab.hidden.platform.noise import PlateNoise
-from lab.hidden.platform.scene import SPAN_NM, Scene, stepped
 from messages.arrays import FloatArray
 from messages.errors import UserError
+from sim_rig.platform.extended.flaws import CHANNELS, Fields, combined
+from sim_rig.platform.extended.laboratory import Laboratory
+from sim_rig.platform.extended.plate_noise import PlateNoise
+from sim_rig.platform.extended.unit import PlatformUnit, stepped
 from sim_rig.platform.rig import FOOT, PLATE, Rig
+from sim_rig.platform.run import SPAN_NM
 
 Entries = Mapping[str, tuple[float, str]]
 """Values with their units, by name."""
@@ -34,10 +34,10 @@ _RATIO: Final = {("N", "N·m"): "1/m", ("N·m", "N"): "m"}
 
 @dataclass(frozen=True)
 class Mechanism:
-    """The parameters of an effect with their units, and the fields of `Hidden` that they set."""
+    """The parameters of an effect with their units, and the fields of `Flaws` that they set."""
 
     units: Mapping[str, str]
-    fields: Callable[[Named], dict[str, object]]
+    fields: Callable[[Named], Fields]
 
 
 @dataclass(frozen=True)
@@ -62,27 +62,20 @@ def extended(
 
     Raises UserError, naming the field of `where`, for what the rig has no mechanism for.
     """
-    hidden = together([_fields(name, entries, where) for name, entries in effects.items()])
-    if not run.foot and (hidden.tape_hz != (inf, inf) or hidden.foot_marker_m.any()):
+    flaws = combined([_fields(name, entries, where) for name, entries in effects.items()])
+    if not run.foot and (flaws.tape_hz != (inf, inf) or flaws.foot_marker_m.any()):
         raise UserError(f"{where}: effects are of a foot, and none is on the plate: add --foot")
     jumps_hz = effects.get("aliasing", {}).get("update_hz", (run.update_hz, "Hz"))[0]
     unit = replace(_unit(run, parameters, where), update_hz=jumps_hz)
-    hidden = replace(hidden, jumps=hidden.jumps or run.raw)
-    mechanics = mechanics_of(unit, hidden)
+    flaws = replace(flaws, jumps=flaws.jumps or run.raw)
     random = np.random.default_rng(run.seed)
-    fine = ran(mechanics, stepped(random, unit.update_hz, SPAN_NM, run.duration_s), run.duration_s)
-    reference = reference_of(fine, mechanics)
-    if hidden.play is not None:
-        k, play = hidden.play
-        hidden = replace(hidden, play=(k, play / float(reference.deviation[k])))
-    if hidden.limit is not None:
-        k, limit = hidden.limit
-        hidden = replace(hidden, limit=(k, limit / float(reference.largest[k])))
-    recording = recorded(unit, hidden, mechanics, fine, reference, PlateNoise(6, random), random, run.duration_s)
+    torques = stepped(random, unit.update_hz, np.array(SPAN_NM), run.duration_s)
+    laboratory = Laboratory(unit, flaws, PlateNoise(6, random))
+    recording = laboratory.recorded(laboratory.ran(torques, run.duration_s), random, run.duration_s)
     return recording, Truth.of(unit.plate, unit.foot, unit.update_hz, run.seed)
 
 
-def _unit(run: Run, parameters: Entries, where: str) -> Scene:
+def _unit(run: Run, parameters: Entries, where: str) -> PlatformUnit:
     """Return the rig with the body that `parameters` tell in place of its own."""
     plate, foot = PLATE, FOOT
     if parameters:
@@ -100,7 +93,7 @@ def _unit(run: Run, parameters: Entries, where: str) -> Scene:
             raise UserError(f"{where}: parameters: {error}") from error
         plate, foot = (plate, found) if run.foot else (found, foot)
     rig = Rig()
-    return Scene(
+    return PlatformUnit(
         plate=plate,
         known=run.foot,
         foot=foot if run.foot else None,
@@ -114,7 +107,7 @@ def _unit(run: Run, parameters: Entries, where: str) -> Scene:
     )
 
 
-def _fields(effect: str, entries: Entries, where: str) -> dict[str, object]:
+def _fields(effect: str, entries: Entries, where: str) -> Fields:
     if effect not in MECHANISMS:
         raise UserError(
             f"{where}: effects.{effect}: the rig has no mechanism for it; it simulates {', '.join(MECHANISMS)}"
@@ -150,7 +143,7 @@ def _of_channel(field: str) -> Mechanism:
     return Mechanism(_OF, lambda values: {field: next((CHANNELS.index(k), v) for k, v in values.items())})
 
 
-def _matrix(values: Named) -> dict[str, object]:
+def _matrix(values: Named) -> Fields:
     matrix: FloatArray = np.eye(6)
     for name, share in values.items():
         of, _, source = name.partition("_from_")
@@ -158,12 +151,12 @@ def _matrix(values: Named) -> dict[str, object]:
     return {"matrix": matrix}
 
 
-def _mass(values: Named) -> dict[str, object]:
+def _mass(values: Named) -> Fields:
     at_m = np.array([values.get(axis, 0.0) for axis in _AXES_M])
     return {"masses": ((values.get("mass_kg", 0.0), at_m),)}
 
 
-def _tape(values: Named) -> dict[str, object]:
+def _tape(values: Named) -> Fields:
     return {
         "tape_hz": (values.get("z_hz", inf), values.get("x_hz", inf)),
         "tape_zeta": values.get("zeta", 0.0),
@@ -171,11 +164,11 @@ def _tape(values: Named) -> dict[str, object]:
     }
 
 
-def _tare(values: Named) -> dict[str, object]:
+def _tare(values: Named) -> Fields:
     return {"tare": np.array([values.get(name, 0.0) for name in CHANNELS])}
 
 
-def _steps(values: Named) -> dict[str, object]:
+def _steps(values: Named) -> Fields:
     return {"step": (values.get("force_n", 0.0), values.get("torque_nm", 0.0))}
 
 
