@@ -12,7 +12,13 @@ from tests.bench.hidden_cases import Judged, drawn, in_processes, judged
 def tell(request: pytest.FixtureRequest) -> Callable[[str], None]:
     """Return a function that prints a line at once, whatever pytest captures."""
     terminal = request.config.pluginmanager.getplugin("terminalreporter")
-    return lambda line: None if terminal is None else terminal.write_line(line)
+
+    def tell(line: str) -> None:
+        if terminal is not None:
+            terminal.write_line(line)
+            terminal.flush()
+
+    return tell
 
 
 @pytest.fixture(scope="session")
