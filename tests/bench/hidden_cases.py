@@ -33,6 +33,17 @@ RATES = {Kind.SINGLE: 0.85, Kind.PAIR: 0.8, Kind.CLEAN: 0.93, Kind.OUTSIDE: 0.72
 """How often a finder is right that is no worse than the one of docs/court.md, with a margin of some 0.05: its rates
 were counted over 20 to 90 cases each."""
 
+KINDS = {
+    "one effect": (Kind.SINGLE,),
+    "two effects": (Kind.PAIR,),
+    "nothing": (Kind.CLEAN,),
+    "in no library": (Kind.OUTSIDE, Kind.WITHHELD),
+}
+"""What a run counts apart."""
+
+LOOK_ALIKE_CASES, LOOK_ALIKE_RATE = 12, 0.85
+"""Cases whose recordings cannot tell two effects apart, and how often a finder says so."""
+
 BROKEN_RATE = 1.0 / 15.0
 """How often a finder is right that always says the same, or names effects of its library (15 or more) at random."""
 

@@ -9,10 +9,18 @@ import pytest
 
 from lab.court.plan import SYSTEMS
 from lab.hidden.case import Kind
-from tests.bench.hidden_cases import BROKEN_RATE, CASES, broken_pass, counts_of, drawn, false_failure, fewest_right
-from tests.hidden.test_counts import KINDS
-from tests.hidden.test_look_alikes import CASES as LOOK_ALIKE_CASES
-from tests.hidden.test_look_alikes import RATE as LOOK_ALIKE_RATE
+from tests.bench.hidden_cases import (
+    BROKEN_RATE,
+    CASES,
+    KINDS,
+    LOOK_ALIKE_CASES,
+    LOOK_ALIKE_RATE,
+    broken_pass,
+    counts_of,
+    drawn,
+    false_failure,
+    fewest_right,
+)
 
 COUNTS = [
     *(counts_of(kinds) for kinds in KINDS.values()),

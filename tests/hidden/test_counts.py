@@ -7,16 +7,9 @@ import pytest
 
 from lab.court.plan import SYSTEMS
 from lab.hidden.case import Kind
-from tests.bench.hidden_cases import Judged, counts_of, fewest_right
+from tests.bench.hidden_cases import KINDS, Judged, counts_of, fewest_right
 
 pytestmark = pytest.mark.hidden
-
-KINDS = {
-    "one effect": (Kind.SINGLE,),
-    "two effects": (Kind.PAIR,),
-    "nothing": (Kind.CLEAN,),
-    "in no library": (Kind.OUTSIDE, Kind.WITHHELD),
-}
 
 
 def assert_enough(judged: list[Judged], fewest: int) -> None:

@@ -9,13 +9,18 @@ import pytest
 
 from lab.hidden import imu
 from lab.hidden.case import Case, Kind
-from tests.bench.hidden_cases import Judged, drawn_seed, explained, fewest_right
+from tests.bench.hidden_cases import (
+    LOOK_ALIKE_CASES,
+    LOOK_ALIKE_RATE,
+    Judged,
+    drawn_seed,
+    explained,
+    fewest_right,
+)
 from tests.hidden.conftest import Judge
 
 pytestmark = pytest.mark.hidden
 
-CASES = 12
-RATE = 0.85
 PLAIN_RADPS2 = 3e-4
 """A drift of the bias that no recording of a minute hides."""
 
@@ -43,7 +48,7 @@ def judged_without_temperature(case: Case) -> Judged:
 
 def test_a_drift_without_a_temperature_log_may_be_either(hidden_seed: int, judge_all: Judge) -> None:
     source = random.Random(f"look-alikes {hidden_seed}")
-    cases = [Case("imu", drawn_seed(source), Kind.SINGLE, ("gyro_bias_drift",)) for _ in range(CASES)]
+    cases = [Case("imu", drawn_seed(source), Kind.SINGLE, ("gyro_bias_drift",)) for _ in range(LOOK_ALIKE_CASES)]
     judged = judge_all(judged_without_temperature, cases)
     assert [each.failure for each in judged if each.failure] == []
-    assert sum(each.right for each in judged) >= fewest_right({RATE: CASES})
+    assert sum(each.right for each in judged) >= fewest_right({LOOK_ALIKE_RATE: LOOK_ALIKE_CASES})
