@@ -15,6 +15,8 @@ from lab.faults.report import CampaignReport, TrialReport
 from lab.faults.text import COLUMNS, line, row, summary
 from messages import Reason
 
+pytestmark = pytest.mark.realtime
+
 FLAGS = {"imu-nak-eio": Reason.NO_IMU, "cam-frozen": Reason.FROZEN_FRAME, "cam-both-black": Reason.LOW_TEXTURE}
 NAMES = (*FLAGS, "can-ankle-corrupted", "zenoh-port-taken", "file-configuration-broken")
 
