@@ -111,10 +111,15 @@ def judged(case: Case) -> Judged:
         try:
             verdict = explained(case.system, folder, left_out)
         except subprocess.CalledProcessError as error:
-            return Judged(case, False, f"FAILED: {case}", str(error.stderr))
+            return Judged(case, False, f"FAILED: {told_of(case)}", str(error.stderr))
     right = is_right(truth, verdict)
-    told = [(cause.name, *cause.equivalents) for cause in verdict.causes]
-    return Judged(case, right, f"{'right' if right else 'WRONG'}: {case}: {verdict.verdict} {told}")
+    told = "; ".join(" or ".join((cause.name, *cause.equivalents)) for cause in verdict.causes)
+    return Judged(case, right, f"{'right' if right else 'WRONG'}: {told_of(case)}: {verdict.verdict} {told}")
+
+
+def told_of(case: Case) -> str:
+    """Return a case in a few words."""
+    return f"{case.system} {case.kind.value} {' and '.join(case.effects)} (seed {case.seed})"
 
 
 def explained(name: str, folder: Path, left_out: Sequence[str] = ()) -> Verdict:

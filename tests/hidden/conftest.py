@@ -1,6 +1,7 @@
 """One run of the hidden tier draws everything from one seed, which is printed first, and judges on all processors."""
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 
 import pytest
 
@@ -11,12 +12,11 @@ from tests.bench.hidden_cases import Judged, drawn, in_processes, judged
 @pytest.fixture(scope="session")
 def tell(request: pytest.FixtureRequest) -> Callable[[str], None]:
     """Return a function that prints a line at once, whatever pytest captures."""
-    terminal = request.config.pluginmanager.getplugin("terminalreporter")
+    capture = request.config.pluginmanager.getplugin("capturemanager")
 
     def tell(line: str) -> None:
-        if terminal is not None:
-            terminal.write_line(line)
-            terminal.flush()
+        with nullcontext() if capture is None else capture.global_and_fixture_disabled():
+            print(line, flush=True)
 
     return tell
 

@@ -16,6 +16,7 @@ from tests.bench.hidden_cases import (
     drawn_seed,
     explained,
     fewest_right,
+    told_of,
 )
 from tests.hidden.conftest import Judge
 
@@ -39,11 +40,15 @@ def judged_without_temperature(case: Case) -> Judged:
         try:
             verdict = explained("imu", folder)
         except subprocess.CalledProcessError as error:
-            return Judged(case, False, f"FAILED: {case}", str(error.stderr))
+            return Judged(case, False, f"FAILED: {told_of(case)}", str(error.stderr))
     names = {name for cause in verdict.causes[:1] for name in (cause.name, *cause.equivalents)}
     experiment = verdict.next_experiment or ""
     right = names >= {"gyro_bias_drift", "temperature"} and "temperature" in experiment
-    return Judged(case, right, f"{'right' if right else 'WRONG'}: {case}: {names}; next: {experiment}")
+    return Judged(
+        case,
+        right,
+        f"{'right' if right else 'WRONG'}: {told_of(case)}: {' or '.join(sorted(names))}; next: {experiment}",
+    )
 
 
 def test_a_drift_without_a_temperature_log_may_be_either(hidden_seed: int, judge_all: Judge) -> None:
