@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from impedance.body.geometry import PLATFORM_GRAVITY_MPS2
 from impedance.body.physical import consistent
 from impedance.body.rigid_body import Inertia, regressor
 from messages.arrays import BoolArray, FloatArray
@@ -25,7 +26,8 @@ JOINTS = 7
 LINK_PARAMETERS = 10
 _FRICTION = 3
 _CREEP_RADPS = 0.01
-_GRAVITY = np.array([0.0, 0.0, -9.81])
+_GRAVITY = np.array([0.0, 0.0, -PLATFORM_GRAVITY_MPS2])
+"""As everywhere where bodies are identified."""
 _REWEIGHTINGS = 3
 _LINK_SIZE = np.array([1.0, *(0.1,) * 3, *(0.01,) * 6])
 """Deviations of mass, first moment (of 0.1 m) and tensor (of 0.1 m squared), per kilogram of the description."""
