@@ -1,9 +1,10 @@
-# Everything a newcomer needs: `make run`, `make test`, `make check`, `make test-kernel`; on a wearable `make install`.
+# Everything a newcomer needs: `make run`, `make test`, `make check`; on a wearable `make install`. `ARGS` go to the tests.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 SECONDS ?= 60
+ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1
 
 # Where `make install` puts things, below DESTDIR. The interpreter must not lie in a home folder: the service sees none.
 DESTDIR ?=
@@ -16,19 +17,27 @@ RULES := $(DESTDIR)$(PREFIX)/lib/udev/rules.d/70-gaiteyes.rules
 SYSUSERS := $(DESTDIR)$(PREFIX)/lib/sysusers.d/gaiteyes.conf
 README := $(DESTDIR)$(PREFIX)/share/doc/gaiteyes/README.md
 
-.PHONY: run test test-kernel check lint types floors format lock clean install install-house install-files uninstall
+.PHONY: run test test-hidden test-kernel check lint types contracts format lock clean install install-house install-files uninstall
 
 run: $(INSTALLED)
 	$(BIN)/gaiteyes demo --seconds $(SECONDS)
 
+# The quick tier. Files of tests run beside each other, each process with one thread of linear algebra; then, one after
+# another, the tests that run processes and threads in real time.
 test: $(INSTALLED)
-	$(BIN)/python -m pytest
+	$(ONE_THREAD) $(BIN)/python -m pytest -m "not hidden and not realtime" \
+		--numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(ARGS)
+	$(BIN)/python -m pytest -m realtime $(ARGS)
+
+# Effects hidden anew in every run and counted; ARGS="--hidden-seed N" draws an earlier run's again.
+test-hidden: $(INSTALLED)
+	$(BIN)/python -m pytest -m hidden tests/hidden $(ARGS)
 
 # The drivers and the service on a real kernel, in an emulated machine: Debian, as root; says so where it cannot run.
 test-kernel: $(INSTALLED)
 	$(BIN)/python -m tests.kernel $(ARGS)
 
-check: lint types floors test
+check: lint types contracts test test-hidden
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
@@ -37,7 +46,7 @@ lint: $(INSTALLED)
 types: $(INSTALLED)
 	$(BIN)/mypy
 
-floors: $(INSTALLED)
+contracts: $(INSTALLED)
 	$(BIN)/lint-imports
 
 format: $(INSTALLED)

@@ -5,96 +5,38 @@ and on made-up walks; VQF's defaults are at its optimum there; of the other two,
 tuned on the same half are shown. Mahony and Madgwick are given the gyroscope's bias of the first second.
 """
 
-import gzip
 import sys
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-import pytest
 from rich.console import Console
 from rich.table import Table
-from vqf import VQF
 
 from benchmarks.attitude_peers import Madgwick, Mahony, attitudes
-from benchmarks.broad import HELD_OUT, TUNING, Trial, trials, up_B_of
-from messages import Residual
-from messages.arrays import FloatArray, IntArray, rms
-from messages.constants import STANDARD_GRAVITY_MPS2
-from perception.attitude.filter import AttitudeFilter, AttitudeSettings
-from tests.bench.data_folder import shared_data
-from tests.bench.hip_motion import hip_motion, tilt_errors_W, with_mpu6050_noise
+from lab.evaluation.attitude import (
+    CALIBRATED,
+    UNCALIBRATED,
+    coverage,
+    estimate,
+    rms_deg,
+    tilt_errors_W,
+    tilt_of_up_W,
+    up_B_of,
+    vqf_up_B,
+)
+from lab.evaluation.hip_motion import hip_motion, with_mpu6050_noise
+from lab.evaluation.measured.broad import HELD_OUT, TUNING, Trial, trials
+from lab.evaluation.measured.data_folder import data_folder
+from lab.evaluation.measured.euroc_flight import euroc_error_rad
+from lab.evaluation.measured.foot_walk import foot_errors_rad
+from messages.arrays import FloatArray
+from messages.errors import UserError
 
-UNCALIBRATED = Residual(specific_force_mps2=0.05, scale=0.005)
-"""What BROAD's and the foot's IMU, never calibrated, may be off: 5 mg, half a per cent."""
-
-CALIBRATED = Residual(specific_force_mps2=0.0147, scale=0.0005)
 _HALF_SAMPLE = 0.5
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """What the filter said after each of n samples; NaN before its start. `cost_us` is the time of one update."""
-
-    R_WB: FloatArray
-    w_B: FloatArray
-    cov_W: FloatArray
-    cost_us: float
-
-    @property
-    def up_B(self) -> FloatArray:
-        """Return the vertical in B, (n, 3)."""
-        return self.R_WB[:, 2, :]
-
-    def up_B_ahead(self, ahead_s: float) -> FloatArray:
-        """Return the vertical `ahead_s` after each sample, had the body turned on at its rate."""
-        turn = ahead_s * np.cross(self.up_B, self.w_B)
-        ahead = self.up_B + turn + 0.5 * ahead_s * np.cross(turn, self.w_B)
-        return np.asarray(ahead / np.linalg.norm(ahead, axis=1, keepdims=True), dtype=np.float64)
-
-
-def estimate(t_ns: IntArray, sf_B: FloatArray, w_B: FloatArray, residual: Residual) -> Estimate:
-    """Return what the filter says, with its default settings."""
-    attitude = AttitudeFilter(AttitudeSettings(), residual)
-    R_WB, rates, cov_W = [], [], []
-    spent_s = 0.0
-    for t, sf, w in zip(t_ns.tolist(), sf_B.tolist(), w_B.tolist(), strict=True):
-        begin_s = time.perf_counter()
-        attitude.update(t, tuple(sf), tuple(w))
-        spent_s += time.perf_counter() - begin_s
-        R_WB.append(attitude.R_WB)
-        rates.append(attitude.w_WB_B)
-        cov_W.append(attitude.rotation_cov_W)
-    return Estimate(np.array(R_WB), np.array(rates), np.array(cov_W), 1e6 * spent_s / len(t_ns))
-
-
-def coverage(tilt_W: FloatArray, cov_W: FloatArray) -> float:
-    """Return the share of tilt errors (n, 2) inside the stated 95 % ellipse (χ² of two degrees of freedom, 5.99)."""
-    squares = np.einsum("ni,nij,nj->n", tilt_W, np.linalg.inv(cov_W[:, :2, :2]), tilt_W)
-    return float(np.mean(squares < 5.99))
-
-
-def tilt_of_up_W(R_WB: FloatArray, true_up_B: FloatArray) -> FloatArray:
-    """Return the tilt (n, 2) in W, rad, from an estimate to the true vertical seen in B."""
-    up_W = np.einsum("nij,nj->ni", R_WB, true_up_B)
-    return np.stack((-up_W[:, 1], up_W[:, 0]), axis=1)
-
-
-def vqf_up_B(sf_B: FloatArray, w_B: FloatArray, rate_hz: float) -> FloatArray:
-    """Return the vertical (n, 3) of VQF without magnetometer, defaults, at the end of each sample's period."""
-    result = VQF(1.0 / rate_hz).updateBatch(np.ascontiguousarray(w_B), np.ascontiguousarray(sf_B))
-    return up_B_of(result["quat6D"])
-
-
-def rms_deg(angles_rad: FloatArray) -> float:
-    """Return the root mean square in degrees."""
-    return float(np.degrees(rms(angles_rad)))
-
-
 def broad(console: Console) -> None:
-    data = trials(shared_data("broad"))
+    data = trials(data_folder("broad"))
     delay_s = float(np.mean([trial.imu_delay_s() for trial in data if trial.name[:2] in TUNING]))
     peers: dict[str, Callable[[Trial], FloatArray]] = {
         "VQF": lambda t: vqf_up_B(t.sf_B, t.w_B, t.rate_hz),
@@ -184,54 +126,19 @@ def walks(console: Console) -> None:
     console.print(table)
 
 
-def foot_errors_rad(folder: Path) -> tuple[FloatArray, FloatArray]:
-    """Return the errors of this filter and of VQF on a walking foot, against gravity where the foot stands flat."""
-    rows = np.loadtxt(folder / "short_walk.csv.gz", delimiter=",", skiprows=1)
-    rows = rows[np.diff(rows[:, 0], prepend=-1.0) > 0.0]
-    t_ns, w_B, sf_B = (
-        np.round(1e9 * rows[:, 0]).astype(np.int64),
-        np.radians(rows[:, 1:4]),
-        STANDARD_GRAVITY_MPS2 * rows[:, 4:7],
-    )
-    flat = np.convolve(np.linalg.norm(w_B, axis=1) < np.radians(15.0), np.ones(41) / 41, "same") > 0.999
-    sf_mean = np.stack([np.convolve(sf_B[:, i], np.ones(41) / 41, "same") for i in range(3)], axis=1)
-    up_B = sf_mean / np.linalg.norm(sf_mean, axis=1, keepdims=True)
-    ours = estimate(t_ns, sf_B, w_B, UNCALIBRATED).up_B
-    peer = vqf_up_B(sf_B, w_B, 1e9 / float(np.median(np.diff(t_ns))))
-    chosen = flat & ~np.isnan(ours[:, 0])
-    return np.linalg.norm((ours - up_B)[chosen], axis=1), np.linalg.norm((peer - up_B)[chosen], axis=1)
-
-
 def foot(console: Console) -> None:
-    ours, peer = foot_errors_rad(shared_data("xio_foot_walk"))
+    ours, peer = foot_errors_rad(data_folder("xio_foot_walk"))
     console.print(
         "A real foot walking 25 m, against gravity where it stands flat: "
         f"this filter {rms_deg(ours):.2f}°, VQF {rms_deg(peer):.2f}° RMS"
     )
 
 
-def euroc_error_rad(folder: Path) -> FloatArray:
-    """Return the error of this filter on a flight, at the times of the truth from the filter's start on."""
-    imu = [line.split(",") for line in _lines(folder / "imu0.csv.gz")]
-    truth = [line.split(",") for line in _lines(folder / "truth_recomputed_20hz.csv")]
-    t_ns = np.array([int(row[0]) for row in imu])
-    values = np.array([row[1:] for row in imu], dtype=np.float64)
-    up_B = estimate(t_ns, values[:, 3:6], values[:, 0:3], Residual(specific_force_mps2=0.1, scale=0.005)).up_B
-    index = np.clip(np.searchsorted(t_ns, [int(row[0]) for row in truth]), 0, len(t_ns) - 1)
-    error = np.linalg.norm(up_B[index] - up_B_of(np.array([row[4:8] for row in truth], dtype=np.float64)), axis=1)
-    return np.asarray(error[~np.isnan(error)], dtype=np.float64)
-
-
 def euroc(console: Console) -> None:
-    error_deg = rms_deg(euroc_error_rad(shared_data("euroc_v1_01_easy")))
+    error_deg = rms_deg(euroc_error_rad(data_folder("euroc_v1_01_easy")))
     console.print(
         f"EuRoC V1_01, 70 s of flight: {error_deg:.2f}° RMS, of which 0.6° is the uncalibrated accelerometer's bias"
     )
-
-
-def _lines(path: Path) -> list[str]:
-    text = gzip.decompress(path.read_bytes()).decode() if path.suffix == ".gz" else path.read_text()
-    return [line for line in text.splitlines() if line and not line.startswith("#")]
 
 
 def main() -> int:
@@ -244,7 +151,7 @@ def main() -> int:
 def _print_if_there(section: Callable[[Console], None], console: Console) -> None:
     try:
         section(console)
-    except pytest.skip.Exception as absent:
+    except UserError as absent:
         console.print(f"{section.__name__}: {absent}")
 
 

@@ -1,41 +1,17 @@
-"""The noise of a real force plate at rest: `python -m benchmarks.force_plate_noise [FOLDER]`.
+"""The noise of a real force plate at rest: `python -m benchmarks.force_plate_noise`.
 
-FOLDER holds the data set `force_plate_at_rest`, two plates of an instrumented treadmill. The model is fitted to the
-first half of the minute and judged on the second, whose lines are not taken out.
+The model is fitted to the first half of the minute and judged on the second, whose lines are not taken out.
 """
-
-import gzip
-import sys
-from pathlib import Path
 
 import numpy as np
 
 from impedance.recording.force_noise import ChannelNoise, fit_force_noise
-from messages.arrays import FloatArray
-
-BESIDE = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "force_plate_at_rest"
-PLATES = ("FP1", "FP2")
-WRENCH = ("ForX", "ForY", "ForZ", "MomX", "MomY", "MomZ")
-
-
-def resting_plates(folder: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Return the stamps (n,) and each plate's wrench (n, 6) in N and N·m."""
-    with gzip.open(folder / "stationary_60s.csv.gz", "rt", encoding="utf-8") as file:
-        header = file.readline().strip().split(",")
-        values = np.loadtxt(file, delimiter=",", usecols=range(13))
-    columns = {plate: [header.index(f"{plate}.{name}") for name in WRENCH] for plate in PLATES}
-    return values[:, 0], {plate: values[:, places] for plate, places in columns.items()}
-
-
-def innovation_ratio(channel: ChannelNoise, y: FloatArray) -> float:
-    """Return how large another record's innovations are, in units of the model's."""
-    white = channel.innovations(y - y.mean())[len(channel.autoregression) :]
-    return float(white.std() / channel.innovation)
+from lab.evaluation.measured.data_folder import data_folder
+from lab.evaluation.measured.force_plate import WRENCH, innovation_ratio, resting_plates
 
 
 def main() -> None:
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else BESIDE
-    t_s, plates = resting_plates(folder)
+    t_s, plates = resting_plates(data_folder("force_plate_at_rest"))
     half = len(t_s) // 2
     for plate, wrench in plates.items():
         whole, first = fit_force_noise(t_s, wrench, WRENCH), fit_force_noise(t_s[:half], wrench[:half], WRENCH)

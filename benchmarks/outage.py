@@ -15,22 +15,27 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.attitude import coverage
-from messages import Residual, Status
+from drivers.imu.mpu6050 import Mpu6050
+from drivers.imu.settings import Mpu6050Settings
+from lab.evaluation.attitude import coverage, tilt_errors_W
+from lab.evaluation.hip_motion import Motion
+from messages import ImuSample, Residual, Status
 from messages.arrays import FloatArray, rms
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 from perception.attitude.imu_model import corrected
+from sim_rig.imu.i2c_bus import I2cWires
+from sim_rig.imu.mpu6050_chip import Mpu6050Chip
+from sim_rig.imu.simulated_clock import SimulatedClock
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
-from tests.bench.hip_motion import Motion, tilt_errors_W
-from tests.bench.imu_bench import ImuBench
 
 OUTAGES_S = (0.05, 0.1, 0.2, 0.35, 0.5, 1.0, 2.0, 5.0, 10.0)
 RESTART_S = np.inf
 _WALKS = ("level", "ramps", "mixed")
 _SECONDS, _FIRST_S, _JUDGED_S, _PATIENCE_S = 45.0, 5.0, 3.0, 8.0
 _OUTAGES_A_WALK = 8
-_POWER_ON_NS = 1_000_500_000_000
+_BOOT_NS, _POWER_ON_NS = 1_000_000_000_000, 1_000_500_000_000
+_ADDRESS, _POLL_S = 0x68, 0.005
 
 
 @dataclass(frozen=True)
@@ -45,11 +50,27 @@ class Recovery:
 def rig_motion(seed: int, scenario_name: str, seconds: float) -> tuple[Motion, Residual]:
     """Return the calibrated samples of one rig wearer's IMU with their truth, and what its calibration left behind."""
     wearer = SimulatedWearer(seed, scenario(scenario_name), _POWER_ON_NS)
-    samples = ImuBench(motion=wearer.gait.imu, unit=wearer.unit.chip, seed=seed).opened().run(seconds)
+    samples = polled(wearer, seed, seconds)
     t_ns = np.array([sample.t_sample_ns for sample in samples])
     calibrated = [corrected(sample, wearer.calibration.imu) for sample in samples]
     sf_B, w_B = np.array([imu.sf_B_mps2 for imu in calibrated]), np.array([imu.w_WB_B_radps for imu in calibrated])
     return Motion(t_ns, sf_B, w_B, wearer.gait.at(t_ns).R_WB), wearer.calibration.residual
+
+
+def polled(wearer: SimulatedWearer, seed: int, seconds: float) -> list[ImuSample]:
+    """Return what the driver reads in simulated time, polling every 5 ms, late by 1 ms and now and then by 10 ms."""
+    clock, rng = SimulatedClock(_BOOT_NS), np.random.default_rng(seed)
+    chip = Mpu6050Chip(wearer.gait.imu, wearer.unit.chip, clock, seed)
+    wires = I2cWires({_ADDRESS: chip}, elapse=clock.sleep)
+    imu = Mpu6050(wires.open, address=_ADDRESS, settings=Mpu6050Settings(), clock=clock, sleep=clock.sleep)
+    imu.open()
+    start_ns = clock()
+    samples: list[ImuSample] = []
+    for due_s in np.arange(0.0, seconds, _POLL_S):
+        late_s = rng.exponential(0.001) + 0.010 * (rng.random() < 0.005)
+        clock.advance_to(start_ns + round(1e9 * (due_s + late_s)))
+        samples += imu.read(timeout_s=0.0)
+    return samples
 
 
 def feed(attitude: AttitudeFilter, motion: Motion, index: int) -> None:

@@ -10,7 +10,7 @@ from cli.main import app
 from messages import UserError
 from sim_rig.camera.depth_unit import draw_depth_unit
 from sim_rig.unit import draw_unit
-from tests.calib.test_zed_conf import conf, sections
+from tests.bench.zed_conf_file import conf, sections
 
 
 def calibrate_zed(*arguments: object) -> None:

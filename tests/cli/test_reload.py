@@ -21,8 +21,10 @@ from messages import Attitude, Calibration, Estimate, FrameHeader, GroundPlane, 
 from messages.codec import encode
 from perception.ground.foothold import FootholdSettings
 from sim_rig.unit import draw_unit
+from tests.bench.quiet_devices import GreyCamera, QuietImu
 from tests.bench.zenoh_peer import client, free_endpoint
-from tests.daemon.test_service import GreyCamera, QuietImu
+
+pytestmark = pytest.mark.realtime
 
 
 class Unit:

@@ -20,6 +20,8 @@ from messages.codec import decode, published_schemas
 from tests.bench.can_samples import attitude, calibration, ground, health, invalid_ground, stamp
 from tests.bench.zenoh_peer import arrival, client, free_endpoint
 
+pytestmark = pytest.mark.realtime
+
 
 class Configuration(msgspec.Struct, frozen=True):
     rate_hz: float = 20.0

@@ -5,7 +5,7 @@ import pytest
 from daemon.replaceable_camera import ReplaceableCamera
 from drivers.protocols import DeviceError
 from messages import DropCause
-from tests.daemon.test_service import GreyCamera
+from tests.bench.quiet_devices import GreyCamera
 
 
 def test_a_camera_that_is_absent_is_tried_again_with_each_read() -> None:

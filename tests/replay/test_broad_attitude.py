@@ -3,17 +3,10 @@
 import numpy as np
 import pytest
 
-from benchmarks.attitude import (
-    UNCALIBRATED,
-    coverage,
-    estimate,
-    euroc_error_rad,
-    foot_errors_rad,
-    rms_deg,
-    tilt_of_up_W,
-    vqf_up_B,
-)
-from benchmarks.broad import HELD_OUT, TUNING, trials
+from lab.evaluation.attitude import UNCALIBRATED, coverage, estimate, rms_deg, tilt_of_up_W, vqf_up_B
+from lab.evaluation.measured.broad import HELD_OUT, TUNING, trials
+from lab.evaluation.measured.euroc_flight import euroc_error_rad
+from lab.evaluation.measured.foot_walk import foot_errors_rad
 from tests.bench.data_folder import shared_data
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.explain_broad import simulation_of, stretch, trial
 from discrepancy.explain import explain
+from lab.evaluation.measured.broad_recordings import simulation_of, stretch, trial
 from systems.imu.broad import import_trial
 from systems.imu.recording import ImuRecording
 from tests.bench.data_folder import shared_data

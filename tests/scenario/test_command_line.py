@@ -36,6 +36,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.realtime
 def test_the_demo_sees_the_ground_and_says_so(walk: Path) -> None:
     facts = json.loads((walk / "walk.json").read_bytes())
     assert facts["run"]["imu_lost"] == 0
@@ -54,6 +55,7 @@ def lines_of(path: Path) -> list[dict[str, object]]:
     return [json.loads(line) for line in path.read_bytes().splitlines()]
 
 
+@pytest.mark.realtime
 def test_two_replays_give_the_same_bytes_and_what_was_said_live(walk: Path, tmp_path: Path) -> None:
     for name in ("one.jsonl", "two.jsonl"):
         assert gaiteyes("replay", walk / "walk.mcap", "--out", tmp_path / name).returncode == 0
@@ -71,6 +73,7 @@ def recorded_grounds(path: Path) -> list[dict[str, object]]:
         return [json.loads(message.data) for _, _, message in messages]
 
 
+@pytest.mark.realtime
 def test_a_recording_cut_in_the_middle_replays_up_to_the_damage(walk: Path, tmp_path: Path) -> None:
     whole = (walk / "walk.mcap").read_bytes()
     cut = tmp_path / "cut.mcap"
@@ -82,6 +85,7 @@ def test_a_recording_cut_in_the_middle_replays_up_to_the_damage(walk: Path, tmp_
     assert len(lines_of(tmp_path / "cut.jsonl")) > 100
 
 
+@pytest.mark.realtime
 def test_interrupting_ends_cleanly_and_keeps_the_recording(tmp_path: Path) -> None:
     path = tmp_path / "walk.mcap"
     command = [*GAITEYES, "demo", "--zenoh", free_endpoint(), "--can", "virtual:test", "--record", str(path)]
@@ -125,6 +129,7 @@ def test_a_mistake_is_one_clear_line(arguments: list[str], line: str) -> None:
     assert done.stderr.strip().count("\n") == 0
 
 
+@pytest.mark.realtime
 def test_a_taken_port_is_told_and_leaves_no_recording_behind(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
@@ -136,6 +141,7 @@ def test_a_taken_port_is_told_and_leaves_no_recording_behind(tmp_path: Path) -> 
     assert not path.exists()
 
 
+@pytest.mark.realtime
 def test_run_never_falls_back_to_simulation(tmp_path: Path, walk: Path) -> None:
     config = tmp_path / "gaiteyes.toml"
     config.write_text("[imu]\nbus = 250\n")

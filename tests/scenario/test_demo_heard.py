@@ -11,6 +11,8 @@ import pytest
 from sim_rig.can.slcan_hub import PORT
 from tests.bench.zenoh_peer import free_endpoint
 
+pytestmark = pytest.mark.realtime
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 

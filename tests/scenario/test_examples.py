@@ -24,6 +24,8 @@ from tests.bench.can_samples import calibration, ground, invalid_ground
 from tests.bench.slcan_hub import served_hub
 from tests.bench.zenoh_peer import free_endpoint
 
+pytestmark = pytest.mark.realtime
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 GROUP = "239.74.163.78"
 LONGEST_LINES = 30

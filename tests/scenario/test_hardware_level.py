@@ -24,6 +24,8 @@ from sim_rig.camera.v4l2_node import V4l2Node
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
+pytestmark = pytest.mark.realtime
+
 BUS = CanSettings(interface=CanInterface.VIRTUAL, channel="hardware-level")
 
 

@@ -16,6 +16,8 @@ from calib.files import save_calibration
 from sim_rig.unit import draw_unit
 from tests.bench.zenoh_peer import free_endpoint
 
+pytestmark = pytest.mark.realtime
+
 HANGING_CAMERA = """
 import sys, threading
 import cli.devices

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from lab.evaluation.attitude import tilt_errors_W
+from lab.evaluation.hip_motion import Motion, hip_motion, with_mpu6050_noise
 from messages import Reason, Residual, Status, vec3
 from messages.arrays import FloatArray
 from messages.constants import STANDARD_GRAVITY_MPS2
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 from tests.bench.attitude_reference import ReferenceAttitude
-from tests.bench.hip_motion import Motion, hip_motion, tilt_errors_W, with_mpu6050_noise
 
 CALIBRATED = Residual(specific_force_mps2=0.0147, scale=0.0005)
 PERFECT = Residual()

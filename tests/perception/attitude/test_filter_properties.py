@@ -10,9 +10,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lab.evaluation.attitude import tilt_errors_W
+from lab.evaluation.hip_motion import Motion, hip_motion, with_mpu6050_noise
 from messages import Residual, Status
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings
-from tests.bench.hip_motion import Motion, hip_motion, tilt_errors_W, with_mpu6050_noise
 
 CALIBRATED = Residual(specific_force_mps2=0.0147, scale=0.0005)
 LONGEST_RECOVERY_S = 3.5

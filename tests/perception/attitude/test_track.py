@@ -3,11 +3,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from lab.evaluation.attitude import tilt_errors_W
+from lab.evaluation.hip_motion import Motion, hip_motion
 from messages import Attitude, ImuSample, Reason, Status, vec3
 from perception import so3
 from perception.attitude.track import AttitudeTrack
 from sim_rig.unit import draw_unit
-from tests.bench.hip_motion import Motion, hip_motion, tilt_errors_W
 
 CALIBRATION = draw_unit(1).exact_calibration()
 IMU = CALIBRATION.imu

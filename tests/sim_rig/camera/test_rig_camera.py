@@ -16,6 +16,8 @@ from sim_rig.camera.rig_camera import RigCamera
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
+pytestmark = pytest.mark.realtime
+
 
 @pytest.fixture(scope="module")
 def wearer() -> Iterator[SimulatedWearer]:

@@ -90,15 +90,6 @@ def with_mpu6050_noise(
     return replace(motion, sf_B=sf_B + sf_bias_mps2 * rng.standard_normal(3), w_B=w_B)
 
 
-def tilt_errors_W(R_WB: FloatArray, truth_R_WB: FloatArray) -> FloatArray:
-    """Return the horizontal part, (n, 2) in rad, of the small rotation in W from estimate to truth."""
-    up_W = np.einsum("nij,nj->ni", R_WB, truth_R_WB[:, 2, :])
-    angle = np.arctan2(np.hypot(up_W[:, 0], up_W[:, 1]), up_W[:, 2])
-    scale = angle / np.maximum(np.sin(angle), 1e-12)
-    tilt: FloatArray = np.stack((-up_W[:, 1], up_W[:, 0]), axis=1) * scale[:, np.newaxis]
-    return tilt
-
-
 def _averaged(signal: FloatArray, box: int) -> FloatArray:
     """Return the running mean over `box` − 1 steps, trapezoidal, centred."""
     weights = np.ones(box)

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from benchmarks.baseline_models import Case, parameters_fitted, process_regressed, sparsely_regressed
-from benchmarks.explain_baselines import JudgedCase
 from discrepancy.evidence.gain import nrmse
 from discrepancy.problem import Problem
 from discrepancy.simulation import Channels, Effect, Parameter, Values
+from lab.baselines.judged_case import JudgedCase
+from lab.baselines.models import Case, parameters_fitted, process_regressed, sparsely_regressed
 from lab.hidden.case import Kind
 from messages.arrays import FloatArray
 

@@ -5,10 +5,21 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.bicycle_inertia import BICYCLES, compared, raw_period
-from benchmarks.kuka_inertia import JOINTS, Joint, Run, columns, identified, judged, read_arm, read_run, splits, told
 from impedance.body.pendulum import centre_of_pairs
 from impedance.body.physical import is_consistent
+from lab.evaluation.measured.bicycle import BICYCLES, compared, raw_period
+from lab.evaluation.measured.kuka import (
+    JOINTS,
+    Joint,
+    Run,
+    columns,
+    identified,
+    judged,
+    read_arm,
+    read_run,
+    splits,
+    told,
+)
 from messages.arrays import FloatArray
 from tests.bench.data_folder import shared_data
 

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.ndimage import binary_erosion, gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
+from lab.evaluation.attitude import up_B_of
 from messages.arrays import BoolArray, FloatArray, IntArray
 
 TUNING = ("01", "10", "18", "26")
@@ -97,9 +98,3 @@ def _trial(path: Path) -> Trial:
             camera_q_WB=data["opt_quat"][:count].astype(np.float64),
             raw_w_B=w_B,
         )
-
-
-def up_B_of(q_WB: FloatArray) -> FloatArray:
-    """Return the vertical in B, (n, 3), of attitudes (n, 4)."""
-    w, x, y, z = q_WB.T
-    return np.stack((2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z), axis=1)
