@@ -12,7 +12,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from impedance.identification.identification import INTERVAL_95, Identification, identify
+from impedance.identification.identification import Identification, identify
 from impedance.identification.observability import NAMES
 from impedance.recording.recording import PlatformRecording
 from sim_rig.platform.rig import FOOT, PLATE, Rig
@@ -29,14 +29,19 @@ def restated(recording: PlatformRecording, joint_to_surface_m: float) -> Platfor
     return replace(recording, settings=msgspec.structs.replace(recording.settings, plate=plate))
 
 
+def half_interval(found: Identification, k: int) -> float:
+    """Return half of the 95 % interval of one parameter."""
+    lowest, highest = found.interval[k]
+    return float(highest - lowest) / 2.0
+
+
 def row(found: Identification) -> str:
     """Return estimates with half of their 95 % intervals."""
     cells = []
     for name in SHOWN:
         scale, unit = _TO_SHOWN[name]
         k = NAMES.index(name)
-        half = INTERVAL_95 * found.observability.deviation[k]
-        cells.append(f"{name} {scale * found.estimate[k]:.3f} ± {scale * half:.3f} {unit}")
+        cells.append(f"{name} {scale * found.estimate[k]:.3f} ± {scale * half_interval(found, k):.3f} {unit}")
     return ", ".join(cells)
 
 
@@ -51,8 +56,10 @@ def main() -> None:
     print(f"  stated mass not used            {row(identify(plate, joint=True, weighed=False))}")
     print(f"  joint stated 1 mm lower         {row(off)}")
     print(f"plate, joint not used             {row(identify(plate, joint=False))}")
-    half_mm = 1e3 * INTERVAL_95 * plain.test.height_deviation_m
-    print(f"the markers see the joint {1e3 * plain.test.height_m:.2f} ± {half_mm:.2f} mm below the surface")
+    height_mm, deviation_mm = 1e3 * plain.test.height_m, 1e3 * plain.test.height_deviation_m
+    print(
+        f"the markers see the joint {height_mm:.2f} mm below the surface, one standard deviation {deviation_mm:.3f} mm"
+    )
     foot = identify(measured(simulate(RunSettings(rig=Rig(foot=FOOT)), seed), seed=seed, plate=PLATE), joint=True)
     for found in (plain, foot):
         values = found.observability.singular_values
