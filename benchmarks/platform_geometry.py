@@ -57,15 +57,14 @@ def main() -> None:
     print(f"  joint stated 1 mm lower         {row(off)}")
     print(f"plate, joint not used             {row(identify(plate, joint=False))}")
     height_mm, deviation_mm = 1e3 * plain.test.height_m, 1e3 * plain.test.height_deviation_m
-    print(
-        f"the markers see the joint {height_mm:.2f} mm below the surface, one standard deviation {deviation_mm:.3f} mm"
-    )
+    print(f"the markers see the joint {height_mm:.2f} mm below the surface (1 σ {deviation_mm:.3f} mm)")
     foot = identify(measured(simulate(RunSettings(rig=Rig(foot=FOOT)), seed), seed=seed, plate=PLATE), joint=True)
     for found in (plain, foot):
+        k = NAMES.index("Jyy")
         values = found.observability.singular_values
-        share = 100.0 * INTERVAL_95 * found.observability.deviation[NAMES.index("Jyy")] / found.estimate[6]
+        share = half_interval(found, k) / found.estimate[k]
         print(
-            f"{found.what}: least over greatest singular value {values[-1] / np.max(values):.4f}, Jyy ± {share:.2f} %"
+            f"{found.what}: least over greatest singular value {np.min(values) / np.max(values):.4f}, Jyy ± {share:.2%}"
         )
 
 
