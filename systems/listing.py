@@ -9,8 +9,9 @@ _HEADING = """\
 # Effects
 
 What a simulation may leave out, by system: the names that `verdict.json`, `extended.toml`, `--only` and `--without`
-take. An effect's parameters are its whole freedom, with their values without it. By how much of the value a formula
-itself may err was measured on development recordings, whose truth is known; intervals hold it. This page is written
+take. An effect acts through its parameters alone; "without it" is the value at which the effect does nothing.
+"Formula's own error" is how far the effect's formula itself may be off, as a share of the value, measured on
+development recordings whose truth is known; intervals include it. Words: [glossary](glossary.md). This page is written
 by `gaiteyes explain effects --out docs/effects.md`.
 """
 

@@ -1,4 +1,4 @@
-"""The equations of motion (1) to (4) of the thesis's chapter 2, as they must be (docs/platform.md: as printed).
+"""The equations of motion (1) to (4) of the thesis's chapter 2, as they must be (docs/results/platform.md: as printed).
 
 All vectors are in P and moments about P's origin O. With p̈ of the centre of gravity, d from O to it, and g gravity,
 

@@ -43,7 +43,7 @@ def test_the_demo_sees_the_ground_and_says_so(walk: Path) -> None:
     assert facts["run"]["health"]["zenoh_errors"] == 0
     ground = facts["ground"]["all"]
     assert ground["frames"] > 20
-    # how often a busy machine makes samples or planes late is for docs/results.md; nothing else may cost a frame but
+    # how often a busy machine makes samples or planes late is for docs/results; nothing else may cost a frame but
     # that a plane waits for its confirmation
     late = {"starting", "not_at_rest", "no_imu", "no_frame", "late", "not_planar"}
     assert set(facts["run"]["health"]["refused"]) <= late
