@@ -104,7 +104,7 @@ class Refits:
         """Return whether a parameter of a cause is further from neutral than its scale, or has no finite neutral."""
         for key in cause.keys:
             p = self._problem.parameters[key]
-            if not abs(fit.values.get(key, p.neutral) - p.neutral) <= p.scale:
+            if not abs(self._problem.value(fit.values, key) - p.neutral) <= p.scale:
                 return True
         return False
 

@@ -16,7 +16,7 @@ from lab.hidden.platform.mechanics import ran
 from lab.hidden.platform.noise import PlateNoise
 from lab.hidden.platform.scene import SPAN_NM, Scene, stepped
 from messages.arrays import FloatArray
-from messages.errors import UserError
+from messages.errors import UserError, unknown_name
 from sim_rig.platform.rig import FOOT, PLATE, Rig
 
 Entries = Mapping[str, tuple[float, str]]
@@ -129,7 +129,7 @@ def _fields(effect: str, entries: Entries, where: str) -> dict[str, object]:
 def _checked(entries: Entries, units: Mapping[str, str], place: str) -> dict[str, float]:
     for name, (_, unit) in entries.items():
         if name not in units:
-            raise UserError(f"{place}.{name} is unknown; expected {', '.join(units)}")
+            raise unknown_name(f"{place}.{name}", name, units)
         if unit != units[name]:
             raise UserError(f'{place}.{name}.unit is "{unit}"; expected "{units[name]}"')
     return {name: value for name, (value, _) in entries.items()}

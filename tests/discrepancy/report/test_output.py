@@ -15,6 +15,7 @@ from discrepancy.report.extended import extended_text, load_extended
 from discrepancy.report.output import beside_text, write
 from discrepancy.report.wording import number_text, quantity_text, share_text
 from discrepancy.restricted import check_names, without
+from discrepancy.values import predicted
 from discrepancy.verdict import Quantity, from_json
 from messages.errors import UserError
 from tests.bench.explained import NAMES, TRUE, explanation, toy
@@ -27,7 +28,7 @@ def test_verdict_and_model_come_back_as_they_were(tmp_path: Path) -> None:
     assert from_json((tmp_path / "out" / "verdict.json").read_bytes()) == told.verdict
     values = load_extended(tmp_path / "out" / "extended.toml", held_out)
     assert values == TRUE
-    assert np.array_equal(held_out.predicted(values), told.held_out.extended)
+    assert np.array_equal(predicted(held_out, values), told.held_out.extended)
     assert not (tmp_path / "out" / "report.html").exists()
 
 
@@ -49,8 +50,16 @@ def test_the_gain_can_be_recomputed_from_the_held_out_file(tmp_path: Path) -> No
     ("found", "written", "told"),
     [
         ('system = "toy"', 'system = "platform"', r"system is 'platform'; expected \"toy\""),
-        ("[parameters.mass_kg]", "[parameters.weight_kg]", r"parameters\.weight_kg is unknown; expected mass_kg"),
-        ("[effects.force_delay.value_s]", "[effects.late.value_s]", r"effects\.late is not in the library of toy"),
+        (
+            "[parameters.mass_kg]",
+            "[parameters.weight_kg]",
+            r"parameters\.weight_kg is unknown; .* is mass_kg",
+        ),
+        (
+            "[effects.force_delay.value_s]",
+            "[effects.late.value_s]",
+            r"effects\.late is unknown; .* is tare_error",
+        ),
         ("[effects.force_delay.value_s]", "[effects.force_delay.v]", r"effects\.force_delay\.v is unknown"),
         ('unit = "s"', 'unit = "ms"', r"value_s\.unit is 'ms'; expected \"s\""),
         ("value = 0.004", "value = 4.0", r"value_s\.value is 4\.0; expected -0\.05 to 0\.05"),
@@ -158,7 +167,7 @@ def test_a_library_can_be_taken_apart() -> None:
     whole = toy(1)
     less = without(whole, ["tare_error"])
     assert [effect.name for effect in less.effects] == ["force_delay"]
-    assert np.array_equal(less.predicted(TRUE), whole.predicted(TRUE))
+    assert np.array_equal(predicted(less, TRUE), predicted(whole, TRUE))
     assert without(whole, []) is whole
     with pytest.raises(UserError, match=r"--only late: not in the library of toy; expected force_delay, tare_error"):
         check_names("--only", ["late"], whole)
