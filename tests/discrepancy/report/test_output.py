@@ -121,7 +121,7 @@ def test_the_report_tells_everything_on_one_page_by_itself(tmp_path: Path) -> No
     write(explanation(toy(1)), tmp_path)
     text = read(tmp_path / "report.html")
     for told in (
-        "It leaves out force delay or tare error.",
+        "The simulation is missing: force delay or tare error.",
         "The force plate's samples arrive late.",
         "3.90 to 4.10",
         "Shift the force channel back.",
@@ -140,8 +140,8 @@ def test_the_report_of_an_unknown_cause_shows_its_signature(tmp_path: Path) -> N
     pytest.importorskip("matplotlib")
     write(explanation(toy(1), named=False), tmp_path)
     text = read(tmp_path / "report.html")
-    assert "Something is missing that no cause in the library explains." in text
-    assert "What is left shows in fx, between 1 and 5 Hz, from 3.0 to 9.0 s." in text
+    assert "Not explained: the simulation is missing something that no effect of the library describes." in text
+    assert "What is not explained shows in fx, between 1 and 5 Hz, from 3.0 to 9.0 s." in text
 
 
 def test_a_channel_that_was_never_measured_spoils_no_report(tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_a_channel_that_was_never_measured_spoils_no_report(tmp_path: Path) -> N
     for density in (told.fit.spectrum.before, told.fit.spectrum.after, told.fit.spectrum.noise):
         density[:, 1] = np.nan
     write(told, tmp_path)
-    assert "Not shown, as they stand out of the noise least: 1." in read(tmp_path / "report.html")
+    assert "Channels not shown, whose error stands out of the noise least: 1." in read(tmp_path / "report.html")
 
 
 def test_without_matplotlib_the_report_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
