@@ -13,6 +13,7 @@ import numpy as np
 
 from discrepancy.evidence.whitening import Whitening, whitening
 from discrepancy.simulation import Effect
+from discrepancy.values import predicted
 from lab.hidden.case import Case, Kind
 from lab.hidden.imu import write
 from messages.arrays import FloatArray
@@ -25,13 +26,13 @@ PRINTED = 0.5
 def columns(simulation: ImuSimulation, white: Whitening, effect: Effect) -> FloatArray:
     """Return the whitened changes (p, samples) that the effect's parameters make, each by its scale."""
     start = {effect.qualified(name): value for each in effect.starts[-1:] for name, value in each.items()}
-    base = simulation.predicted(start)
+    base = predicted(simulation, start)
     found = []
     for parameter in effect.parameters:
         key = effect.qualified(parameter.name)
         at = start.get(key, parameter.neutral)
         if np.isfinite(at):
-            change = simulation.predicted({**start, key: at + parameter.scale}) - base
+            change = predicted(simulation, {**start, key: at + parameter.scale}) - base
             found.append(white(np.nan_to_num(change.T)).reshape(-1))
     return np.array(found)
 
@@ -49,7 +50,7 @@ def left_over(a: FloatArray, b: FloatArray) -> float:
 
 def shares_of(simulation: ImuSimulation) -> FloatArray:
     """Return the shares (e, e): row A, column B."""
-    residual = (simulation.channels.values - simulation.predicted({})).T
+    residual = (simulation.channels.values - predicted(simulation, {})).T
     white = whitening(np.nan_to_num(residual), np.isfinite(residual))
     every = [columns(simulation, white, effect) for effect in simulation.effects]
     return np.array([[left_over(a, b) for b in every] for a in every])

@@ -14,7 +14,7 @@ import numpy as np
 
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate
-from discrepancy.search.search import Search
+from discrepancy.search.refits import Refits
 from lab.hidden.case import Case, Kind
 from lab.hidden.platform import SIZES, write
 from messages.arrays import FloatArray
@@ -27,12 +27,12 @@ SEEDS = {"plate known": 12, "plate unknown": 11, "foot": 1}
 def rows(folder: Path) -> list[tuple[str, float, str, float]]:
     """Return for each candidate with one parameter its χ², its nearest rival and what is left beside that."""
     problem = Problem(load(folder))
-    search = Search(problem, list(problem.effects), 1)
-    columns = search._library.whitened(search.white).astype(np.float64)
-    base = np.linalg.qr(columns[: search._library.base].T)[0] if search._library.base else None
+    refits = Refits(problem, list(problem.effects))
+    columns = refits.library.whitened(refits.white).astype(np.float64)
+    base = np.linalg.qr(columns[: refits.library.base].T)[0] if refits.library.base else None
     free = columns if base is None else columns - (columns @ base) @ base.T
     found = []
-    for own in search._library.candidates:
+    for own in refits.library.candidates:
         signal = _signal(problem, own, free)
         if signal is None:
             continue
@@ -40,7 +40,7 @@ def rows(folder: Path) -> list[tuple[str, float, str, float]]:
         left, rival = min(
             (
                 (_left(signal, free[list(other.columns)]), other.effect)
-                for other in search._library.candidates
+                for other in refits.library.candidates
                 if other.effect != own.effect
             ),
             default=(chi2, ""),

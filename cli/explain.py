@@ -86,6 +86,7 @@ def simulate(
     from cli.console import console
     from discrepancy.report.extended import load_extended
     from discrepancy.report.output import beside_text
+    from discrepancy.values import predicted
     from messages.errors import UserError
 
     if system not in _SYSTEMS:
@@ -94,7 +95,7 @@ def simulate(
     values = load_extended(extended, simulation)
     own = {parameter.name for parameter in simulation.parameters}
     base = {name: value for name, value in values.items() if name in own}
-    text = beside_text(simulation.channels, simulation.predicted(base), simulation.predicted(values))
+    text = beside_text(simulation.channels, predicted(simulation, base), predicted(simulation, values))
     _write(out, text.encode())
     console.print(f"written to {out}", highlight=False)
 

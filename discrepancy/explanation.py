@@ -87,9 +87,9 @@ class Adequacy:
 class Explanation:
     """What was found on one recording and how it holds on another.
 
-    `values_before` and `values_after` are all that `Simulation.predicted` takes, `quantities_after` the parameters of
-    the causes by `effect.parameter`. `causes` are the library's entries of the verdict's causes and `rivals` those of
-    their equivalents, by name. `evidence` is of all candidates, strongest first.
+    `values_before` and `values_after` hold every parameter, as `Simulation.predicted` takes them; `quantities_after`
+    those of the causes by `effect.parameter`. `causes` are the library's entries of the verdict's causes and `rivals`
+    those of their equivalents, by name. `evidence` is of all candidates, strongest first.
     `held_out_is_own` is False where the last part of the fit recording was held out.
     """
 

@@ -13,7 +13,8 @@ from messages.arrays import FloatArray
 class OwnSimulation:
     """A `Simulation` made of a function: `model(values)` returns what should have been measured, (n, c).
 
-    `values` holds the parameters that differ from neutral, those of an effect as `effect.parameter`.
+    `values` holds every parameter, those of an effect as `effect.parameter`: neutral ones are filled in and unknown
+    ones refused before the function is called. To read one that is in no effect raises UserError with the nearest.
     """
 
     system: str

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from discrepancy.simulation import Channels, Effect, Parameter, Simulation, Values
+from discrepancy.values import Complete, Neutral
 from messages.arrays import BoolArray, FloatArray
 from messages.errors import UserError
 
@@ -33,7 +34,8 @@ class Problem:
         for effect in simulation.effects:
             self.parameters |= {effect.qualified(p.name): p for p in effect.parameters}
         self._measured = np.ascontiguousarray(self.channels.values.T)
-        neutral = np.ascontiguousarray(simulation.predicted({}).T)
+        self._neutral = Neutral(simulation)
+        neutral = self.predicted({})
         self.c, self.n = self._measured.shape
         inside = np.zeros(self.n, bool)
         edge = max(round(_EDGE_SHARE * self.n), 2)
@@ -62,8 +64,16 @@ class Problem:
         return self.filled(np.where(np.isfinite(residual), residual, 0.0))
 
     def predicted(self, values: Values) -> FloatArray:
-        """Return what should have been measured, (c, n)."""
-        return np.ascontiguousarray(self.simulation.predicted(values).T)
+        """Return what should have been measured, (c, n); raises UserError where `values` hold an unknown key."""
+        return np.ascontiguousarray(self.simulation.predicted(self.completed(values)).T)
+
+    def completed(self, values: Values) -> Complete:
+        """Return `values` with all that they leave out at neutral; raises UserError for an unknown key."""
+        return self._neutral.completed(values)
+
+    def value(self, values: Values, key: str) -> float:
+        """Return one of the `values`, neutral where they leave it out."""
+        return values.get(key, self.parameters[key].neutral)
 
     def column(self, values: Values, before: FloatArray, key: str) -> tuple[FloatArray, float]:
         """Return how the prediction changes with a parameter by one `scale`, (c, n), and the step taken in scales.
@@ -71,7 +81,7 @@ class Problem:
         `before` is the prediction at `values`. The step is away from the nearer bound.
         """
         parameter = self.parameters[key]
-        value = values.get(key, parameter.neutral)
+        value = self.value(values, key)
         step = 1.0 if value + parameter.scale <= parameter.high else -1.0
         after = self.predicted({**values, key: value + step * parameter.scale})
         change = (after - before) / step
@@ -99,7 +109,7 @@ class Problem:
         moved = dict(values)
         for key, step in zip(keys, steps, strict=True):
             p = self.parameters[key]
-            moved[key] = float(np.clip(moved.get(key, p.neutral) + step * p.scale, p.low, p.high))
+            moved[key] = float(np.clip(self.value(moved, key) + step * p.scale, p.low, p.high))
         return moved
 
     def _accept(self, valid: BoolArray) -> None:

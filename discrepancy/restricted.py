@@ -2,8 +2,10 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 
 from discrepancy.simulation import Channels, Effect, Parameter, Simulation, Values
+from discrepancy.values import Neutral
 from messages.arrays import FloatArray
 from messages.errors import UserError
 
@@ -36,8 +38,12 @@ class Restricted:
         return tuple(effect for effect in self.whole.effects if effect.name not in self.left_out)
 
     def predicted(self, values: Values) -> FloatArray:
-        """Return what should have been measured."""
-        return self.whole.predicted(values)
+        """Return what should have been measured, what is left out being neutral."""
+        return self.whole.predicted(self._neutral.completed(values))
+
+    @cached_property
+    def _neutral(self) -> Neutral:
+        return Neutral(self.whole)
 
 
 def without(simulation: Simulation, names: Collection[str]) -> Simulation:

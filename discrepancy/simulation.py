@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from messages.arrays import FloatArray
+from messages.errors import unknown_name
 
 Values = Mapping[str, float]
-"""Parameters by name: one of the base model by its own, one of an effect as `effect.parameter`. What is missing has its
-neutral value."""
+"""Parameters by key: one of the base model by its name, one of an effect as `effect.parameter`."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,8 @@ class Effect:
 
     `choices` are the sets of its parameters that are tried, the simplest first; empty means all together. A further
     choice of an effect that is in already may join it later. `starts` are where a fit begins, and where the effect is
-    judged before it, if its neutral values tell no direction (a resonance, a threshold); empty means at neutral.
+    judged before it, if its neutral values tell no direction (a resonance, a threshold); empty means at neutral. Raises
+    UserError where they name a parameter that the effect has not.
     """
 
     name: str
@@ -58,6 +59,13 @@ class Effect:
     experiment: str  # what tells it from its look-alikes
     choices: tuple[tuple[str, ...], ...] = ()
     starts: tuple[Values, ...] = ()  # by the parameters' own names
+
+    def __post_init__(self) -> None:
+        known = [parameter.name for parameter in self.parameters]
+        for place, sets in (("choices", self.choices), ("starts", self.starts)):
+            for name in (name for each in sets for name in each):
+                if name not in known:
+                    raise unknown_name(f"effect {self.name}: {place}: {name}", name, known)
 
     def qualified(self, parameter: str) -> str:
         """Return the key of one of its parameters in `Values`."""
@@ -87,7 +95,11 @@ class Channels:
 
 
 class Simulation(Protocol):
-    """A simulation bound to one recording. `predicted` is pure: equal values give equal bytes."""
+    """A simulation bound to one recording. `predicted` is pure: equal values give equal bytes.
+
+    It is always given every parameter of base model and effects (`discrepancy.values` fills in neutral ones), so that
+    it needs no defaults of its own; an effect acts where its parameters differ from neutral.
+    """
 
     @property
     def system(self) -> str:
@@ -106,4 +118,4 @@ class Simulation(Protocol):
         """Return the library of what may be missing."""
 
     def predicted(self, values: Values) -> FloatArray:
-        """Return what should have been measured, (n, c); NaN where inputs are missing."""
+        """Return what should have been measured, (n, c), from all parameters; NaN where inputs are missing."""

@@ -82,12 +82,11 @@ def simulation(trial: FloatArray, part: slice) -> OwnSimulation:
     acceleration_mps2 = np.gradient(speed_mps, 1.0 / RATE_HZ)
 
     def moment(values: Values) -> FloatArray:
-        given = {f"{effect.name}.{p.name}": p.neutral for effect in EFFECTS for p in effect.parameters} | dict(values)
-        found = given["belt_acceleration.inertia_kgm"] * acceleration_mps2
-        found += given["belt_speed.friction_ns"] * speed_mps + given["offset.moment_nm"]
-        cosine, sine = given["roller_imbalance.cosine_kg"], given["roller_imbalance.sine_kg"]
+        found = values["belt_acceleration.inertia_kgm"] * acceleration_mps2
+        found += values["belt_speed.friction_ns"] * speed_mps + values["offset.moment_nm"]
+        cosine, sine = values["roller_imbalance.cosine_kg"], values["roller_imbalance.sine_kg"]
         if cosine or sine:
-            turn = 2.0 * np.pi / given["roller_imbalance.circumference_m"] * travel_m
+            turn = 2.0 * np.pi / values["roller_imbalance.circumference_m"] * travel_m
             found += low_passed(raw_mps**2 * (cosine * np.cos(turn) + sine * np.sin(turn)))
         return found[::EVERY, None]
 

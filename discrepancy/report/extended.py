@@ -9,7 +9,7 @@ from pathlib import Path
 from discrepancy.explanation import Explanation
 from discrepancy.simulation import Parameter, Simulation
 from discrepancy.verdict import Quantity
-from messages.errors import UserError
+from messages.errors import UserError, unknown_name
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -18,8 +18,9 @@ else:
 
 _HEADING = """\
 # The extended model: the base model's own parameters and the effects that were found, each with its 95 % interval.
-# `gaiteyes explain simulate` loads it. What is missing has its neutral value.
+# `gaiteyes explain simulate` loads it. A parameter that is not here has its neutral value.
 """
+_TABLES = ("system", "parameters", "effects")
 _FIELDS = ("value", "unit", "low", "high")
 Entry = tuple[float, str]
 """A value and its unit."""
@@ -55,8 +56,8 @@ def read_extended(path: Path, system: str) -> Extended:
     if document.get("system") != system:
         raise UserError(f'{path}: system is {document.get("system")!r}; expected "{system}"')
     for name in document:
-        if name not in ("system", "parameters", "effects"):
-            raise UserError(f"{path}: {name} is unknown; expected system, parameters, effects")
+        if name not in _TABLES:
+            raise unknown_name(f"{path}: {name}", name, _TABLES)
     effects = _table(path, "effects", document.get("effects", {}))
     return Extended(
         _entries(path, "parameters", document.get("parameters", {})),
@@ -65,7 +66,7 @@ def read_extended(path: Path, system: str) -> Extended:
 
 
 def load_extended(path: Path, simulation: Simulation) -> dict[str, float]:
-    """Return the values in `path` as `simulation.predicted` takes them.
+    """Return the values that `path` tells, for `discrepancy.values.predicted`.
 
     Raises UserError naming file and field where it is another system's, names what the simulation has not, states
     another unit, or a value outside its bounds.
@@ -75,7 +76,7 @@ def load_extended(path: Path, simulation: Simulation) -> dict[str, float]:
     effects = {effect.name: effect for effect in simulation.effects}
     for name, entries in told.effects.items():
         if name not in effects:
-            raise UserError(f"{path}: effects.{name} is not in the library of {simulation.system}")
+            raise unknown_name(f"{path}: effects.{name}", name, effects)
         values |= _values(path, f"effects.{name}", entries, effects[name].parameters, f"{name}.")
     return values
 
@@ -88,7 +89,7 @@ def _values(
     for name, (value, unit) in entries.items():
         field = f"{place}.{name}"
         if name not in known:
-            raise UserError(f"{path}: {field} is unknown; expected {', '.join(known) or 'nothing here'}")
+            raise unknown_name(f"{path}: {field}", name, known)
         parameter = known[name]
         if unit != parameter.unit:
             raise UserError(f'{path}: {field}.unit is {unit!r}; expected "{parameter.unit}"')
@@ -105,7 +106,7 @@ def _entries(path: Path, place: str, table: object) -> dict[str, Entry]:
         entry = _table(path, field, each)
         for key in entry:
             if key not in _FIELDS:
-                raise UserError(f"{path}: {field}.{key} is unknown; expected {', '.join(_FIELDS)}")
+                raise unknown_name(f"{path}: {field}.{key}", key, _FIELDS)
         value, unit = entry.get("value"), entry.get("unit")
         if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
             raise UserError(f"{path}: {field}.value is {value!r}; expected a number")

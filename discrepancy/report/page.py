@@ -59,8 +59,8 @@ svg text {{ font-family: Helvetica, Arial, "DejaVu Sans", sans-serif !important;
 
 
 _EVIDENCE_HEAD = (
-    "<tr><th>cause</th><th>parameters</th><th class='number'>χ² lowered by</th><th></th>"
-    "<th class='number'>chance reaches</th><th>told as</th></tr>"
+    "<tr><th>candidate</th><th>parameters</th><th class='number'>χ² lowered by</th><th></th>"
+    "<th class='number'>noise alone reaches</th><th>verdict</th></tr>"
 )
 
 
@@ -89,7 +89,7 @@ def page(explanation: Explanation) -> str:
 def _summary(explanation: Explanation, title: str) -> str:
     verdict, gain = explanation.verdict, explanation.verdict.gain
     first = explanation.causes[0].explanation if explanation.causes else _signature_text(explanation)
-    source = "another recording" if explanation.held_out_is_own else "the last part of the same recording"
+    source = "another one" if explanation.held_out_is_own else "the last part of the same one"
     figures = "".join(
         f'<div><b style="color:{colour}">{value}</b>{what}</div>'
         for value, colour, what in (
@@ -107,15 +107,15 @@ def _summary(explanation: Explanation, title: str) -> str:
     return (
         f'<p class="kicker">{escape(title)}</p>\n<h1>{escape(headline(explanation.verdict))}</h1>\n'
         f'<p class="lead">{escape(first)}</p>\n<div class="figures">{figures}</div>\n'
-        f'<p class="soft">{told}Judged on {source}, with all parameters frozen. Errors are RMS, relative to the spread '
-        f"of what was measured.</p>"
+        f'<p class="soft">{told}Judged on the held-out recording ({source}), which no parameter was fitted to. '
+        f"Errors are RMS, relative to the standard deviation of what was measured.</p>"
     )
 
 
 def _signature_text(explanation: Explanation) -> str:
     if explanation.verdict.verdict == "nothing":
-        return "No cause of the library is needed, and what is left does not follow from the inputs."
-    return f"What is left shows {_where(explanation.verdict.remainder.signature)}."
+        return "No effect of the library is needed, and what is left does not follow from the inputs: it is noise."
+    return f"What is not explained shows {_where(explanation.verdict.remainder.signature)}."
 
 
 def _where(signature: Signature) -> str:
@@ -135,7 +135,7 @@ def _causes(explanation: Explanation) -> str:
     parts = [_cause(cause, effects[cause.name], explanation.rivals) for cause in verdict.causes]
     if verdict.remainder.present and verdict.causes:
         parts.append(
-            f"<h3>What remains</h3><p>The extended simulation still misses something: "
+            f"<h3>What is not explained</h3><p>The extended simulation is still missing something: "
             f"{share_text(verdict.remainder.share)} of the error above the noise is left, "
             f"{escape(_where(verdict.remainder.signature))}.</p>"
         )
@@ -146,15 +146,15 @@ def _causes(explanation: Explanation) -> str:
 
 def _cause(cause: Cause, effect: Effect, rivals: dict[str, Effect]) -> str:
     evidence = cause.evidence
-    told = [f"χ² rises by {chi2_text(evidence.get('chi2'))} without it"]
+    told = [f"without it the misfit χ² rises by {chi2_text(evidence.get('chi2'))}"]
     if evidence.get("threshold") is not None:
-        told.append(f"chance alone reaches {chi2_text(evidence['threshold'])}")
+        told.append(f"noise alone would make up to {chi2_text(evidence['threshold'])}")
     if evidence.get("rival_chi2") is not None:
-        told.append(f"the best rival fits worse by {chi2_text(evidence['rival_chi2'])}")
+        told.append(f"the best other candidate in its place fits worse by {chi2_text(evidence['rival_chi2'])}")
     alike = ""
     if cause.equivalents:
         names = listed([words(name) for name in cause.equivalents], "or")
-        alike = f"<p><b>Look-alikes.</b> This recording cannot tell it from {escape(names)}. "
+        alike = f"<p><b>Alternatives.</b> This recording cannot tell it from {escape(names)}. "
         alike += escape(effect.experiment) + "</p>"
         alike += "".join(
             f'<p class="soft">{escape(words(name))}: {escape(rivals[name].explanation)}</p>'
@@ -181,13 +181,14 @@ def _next(explanation: Explanation) -> str:
 def _residuals(explanation: Explanation) -> str:
     view = explanation.held_out
     left_out = len(view.channels.names) - len(shown_channels(view))
-    only = f" Not shown, as they stand out of the noise least: {left_out}." if left_out else ""
+    only = f" Channels not shown, whose error stands out of the noise least: {left_out}." if left_out else ""
     keys = "".join(
         f'<span class="key" style="background:{colour}"></span>{what}'
         for colour, what in ((BEFORE, "before"), (AFTER, "after"), (FLOOR, "noise"))
     )
     return (
-        f"<h2>Measured minus simulated, before and after</h2>\n<p class='soft'>Held-out data.{only}{keys}</p>\n"
+        "<h2>Measured minus simulated, before and after</h2>\n"
+        f"<p class='soft'>The held-out recording.{only}{keys}</p>\n"
         f"<figure>{residuals_svg(view)}</figure>\n"
         f"<h3>The same over frequency</h3>\n<figure>{spectra_svg(view)}</figure>"
     )
@@ -207,8 +208,9 @@ def _evidence(explanation: Explanation) -> str:
     )
     return (
         "<h2>All candidates, each by itself</h2>\n"
-        "<p class='soft'>By how much each cause alone lowers χ² (bars logarithmic), beside what chance reaches over "
-        "all candidates. A cause that explains much alone may be the shadow of another, and is then not named.</p>\n"
+        "<p class='soft'>A candidate is an effect with some of its parameters. By how much each alone lowers the "
+        "misfit χ² (squared error over noise; bars logarithmic), beside what noise alone would make of the best of "
+        "them all. One that explains much by itself may only resemble another that explains more: it is rejected.</p>\n"
         f"<div class='scroll'><table>{_EVIDENCE_HEAD}{rows}</table></div>\n{closed if others else ''}"
     )
 
@@ -216,7 +218,7 @@ def _evidence(explanation: Explanation) -> str:
 def _evidence_row(one: Evidence, strongest: float) -> str:
     width = 100.0 * math.log10(1.0 + max(0.0, one.chi2)) / strongest
     colour = {"accepted": AFTER, "equivalent": "#7fa6c0"}.get(one.status, "#b9c0c5")
-    told = {"accepted": "cause", "equivalent": "look-alike", "rejected": ""}[one.status]
+    told = {"accepted": "named", "equivalent": "alternative", "rejected": "rejected"}[one.status]
     values = ", ".join(f"{parameter_words(name)} {number_text(value)}" for name, value in one.parameters.items())
     return (
         f'<tr class="{one.status}"><td>{escape(words(one.effect))}</td><td>{escape(values)}</td>'
@@ -235,13 +237,13 @@ def _adequacy(explanation: Explanation) -> str:
     columns = ("channel", "predictable", "autocorrelation", "over noise")
     heads = (*columns, *columns[1:])
     reasons = "".join(
-        f"<p><b>{when}:</b> {escape('; '.join(one.reasons) or 'adequate')}.</p>"
+        f"<p><b>{when}:</b> {escape('; '.join(one.reasons) or 'what is left is noise')}.</p>"
         for when, one in (("Before", before), ("After", after))
     )
     return (
-        f"<h2>Does anything remain?</h2>\n{reasons}<p class='soft'>Left three columns before, right three after: the "
-        "share of the whitened residual that the inputs predict out of sample, its largest autocorrelation, and its "
-        "level over the declared noise.</p>\n"
+        f"<h2>Is anything not explained?</h2>\n{reasons}<p class='soft'>Left three columns before, right three after: "
+        "the share of the residual's power that the inputs predict in parts of the recording not fitted, its largest "
+        "autocorrelation, and its RMS over the declared noise.</p>\n"
         f"<div class='scroll'>{_table(heads, rows, numbers=tuple(range(1, 7)))}</div>"
     )
 
@@ -270,10 +272,11 @@ def _base(explanation: Explanation) -> str:
 def _method(explanation: Explanation) -> str:
     notes = "".join(f"<p>{escape(note)}</p>" for note in explanation.notes)
     return (
-        "<h2>How this was decided</h2>\n<p>The simulation is fitted, and what it leaves is whitened by its own noise. "
-        "Each cause of the library is scored, the best are fitted together; one is kept only if chance, over all "
-        "candidates, does not do as well, and named only if, frozen, it removes at least half of the error above the "
-        f"noise on data it has not seen.</p>\n{notes}<p class='soft'>Seed of the bootstrap: {explanation.seed}. The "
+        "<h2>How this was decided</h2>\n<p>The simulation is fitted, and what it leaves (the residual) is "
+        "filtered so that its noise is alike at all frequencies. Each candidate is scored, the best are fitted "
+        "together; one is kept only if noise alone would not do as well for any of them, and named only if it removes at "
+        "least half of the error above the noise on the held-out recording, which no parameter was fitted to.</p>\n"
+        f"{notes}<p class='soft'>Seed of the bootstrap: {explanation.seed}. The "
         "same facts for a program: verdict.json; every gain can be recomputed from held_out.csv; extended.toml holds "
         "the extended model.</p>"
     )

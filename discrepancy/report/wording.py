@@ -24,11 +24,11 @@ NOT_TOLD = "–"
 def headline(verdict: Verdict) -> str:
     """Return the verdict in a sentence."""
     if verdict.verdict == "nothing":
-        return "Nothing: within the noise, the simulation explains the recording."
+        return "Nothing is missing: what the simulation does not explain is noise."
     if verdict.verdict == "unknown":
-        return "Something is missing that no cause in the library explains."
-    tail = " Something more remains." if verdict.remainder.present else ""
-    return f"It leaves out {listed([_or_equivalents(cause) for cause in verdict.causes])}.{tail}"
+        return "Not explained: the simulation is missing something that no effect of the library describes."
+    tail = " Something more is not explained." if verdict.remainder.present else ""
+    return f"The simulation is missing: {listed([_or_equivalents(cause) for cause in verdict.causes])}.{tail}"
 
 
 def quantity_text(quantity: Quantity) -> tuple[str, str, str]:

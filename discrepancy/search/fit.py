@@ -31,7 +31,7 @@ _NUMERICAL = 0.1
 
 @dataclass(frozen=True)
 class Fit:
-    """A fit: `values` as `Simulation.predicted` takes them, the raw `residual` (c, n), and χ² under the whitening it
+    """A fit: `values` of what was fitted, all else neutral, the raw `residual` (c, n), and χ² under the whitening it
     was made with. `keys` are the effects' parameters that moved along with the base model's.
     """
 
@@ -111,7 +111,7 @@ class Fitter:
         """Return the damped step within the bounds: what would leave them stays on them, the rest is solved again."""
         problem = self._problem
         p = [problem.parameters[key] for key in keys]
-        at = np.array([values.get(key, each.neutral) for key, each in zip(keys, p, strict=True)])
+        at = np.array([problem.value(values, key) for key in keys])
         scale = np.array([each.scale for each in p])
         low = (np.array([each.low for each in p]) - at) / scale
         high = (np.array([each.high for each in p]) - at) / scale

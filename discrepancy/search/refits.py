@@ -13,7 +13,13 @@ from discrepancy.search.scores import PENALTY, Products, drops, products
 from messages.arrays import FloatArray
 
 _BASE_ROUNDS = 2
+"""Fits of the base model, each whitened by what the one before left: the first whitening holds its misfit."""
 _OTHER_COLOUR = 0.01
+"""Nats of log likelihood per sample by which the noise that a fit leaves must differ to be whitened by anew."""
+_BASE_STEPS, _RECOLOURED_STEPS = 3, 4
+"""Steps of a fit that begins where it converged under another whitening."""
+_RECOLOURING_ROUNDS = 1
+"""Estimates of the noise beneath the library when it is whitened anew: the fit's own residual is little but noise."""
 
 
 def base_of(problem: Problem) -> tuple[Fit, FloatArray]:
@@ -30,55 +36,81 @@ def base_of(problem: Problem) -> tuple[Fit, FloatArray]:
     return found, columns
 
 
+def price(keys: Sequence[str]) -> float:
+    """Return by what effects' parameters must lower χ² to be worth naming."""
+    return PENALTY * len(keys)
+
+
+def cost(fit: Fit) -> float:
+    """Return the penalised χ² of a fit, by which sets of causes are compared."""
+    return fit.chi2 + price(fit.keys)
+
+
 class Refits:
-    """What a search shares between its steps: the library's columns at the base fit, whitened, and fits beside them."""
+    """Fits and linear scores beside what is in already, and what they share: the library's columns, whitened.
+
+    `base` is the base model's fit, `library` holds the columns there, `white` is the present whitening.
+    """
 
     white: Whitening
 
     def __init__(self, problem: Problem, names: Sequence[str]) -> None:
         self._problem = problem
         base, columns = base_of(problem)
-        self._library = library(problem, base.values, columns, tuple(names))
+        self.library = library(problem, base.values, columns, tuple(names))
         base = replace(base, residual=problem.residual(base.values))
-        self._use(noise_beneath(problem, base.residual, self._library.columns))
-        self._base = self._fitter.fit(base.values, (), steps=3) if problem.base else self._rated(base)
+        self._use(noise_beneath(problem, base.residual, self.library.columns))
+        self.base = self._fitter.fit(base.values, (), steps=_BASE_STEPS) if problem.base else self.rated(base)
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Return all candidates of the library."""
+        return self.library.candidates
 
     @property
     def base_columns(self) -> FloatArray:
         """Return the base model's columns (q, c, n)."""
-        return self._library.columns[: self._q]
+        return self.library.columns[: self.library.base]
 
-    def _joined(self, fit: Fit, candidate: Candidate, steps: int = MOST_STEPS) -> Fit:
+    def fitted(self, values: dict[str, float], keys: Sequence[str], steps: int = MOST_STEPS) -> Fit:
+        """Return the fit of base model and `keys`, begun at `values`."""
+        return self._fitter.fit(values, keys, steps)
+
+    def finished(self, fit: Fit) -> Fit:
+        """Return a fit that was stopped after its first steps, to the end."""
+        return self._fitter.fit(fit.values, fit.keys)
+
+    def joined(self, fit: Fit, candidate: Candidate, steps: int = MOST_STEPS) -> Fit:
+        """Return the fit with a candidate more."""
         keys = tuple(dict.fromkeys((*fit.keys, *candidate.keys)))
         return self._fitter.fit({**fit.values, **candidate.start}, keys, steps)
 
-    def _without(self, best: Fit, cause: Candidate) -> Fit:
+    def without(self, best: Fit, cause: Candidate) -> Fit:
+        """Return the fit without one cause."""
         keys = tuple(key for key in best.keys if key.split(".")[0] != cause.effect)
         values = {key: value for key, value in best.values.items() if key.split(".")[0] != cause.effect}
         return self._fitter.fit(values, keys)
 
-    def _rated(self, fit: Fit) -> Fit:
+    def rated(self, fit: Fit) -> Fit:
+        """Return a fit with its χ² under the present whitening."""
         return replace(fit, chi2=float(np.sum(self.white(fit.residual) ** 2)))
 
-    def _price(self, keys: Sequence[str]) -> float:
-        return PENALTY * len(keys)
-
-    def _ranked(self, fit: Fit, candidates: Sequence[Candidate]) -> list[tuple[Candidate, float]]:
+    def ranked(self, fit: Fit, candidates: Sequence[Candidate]) -> list[tuple[Candidate, float]]:
         """Return candidates with their linear drop beside a fit, the best penalised first."""
         if not candidates:
             return []
-        found = self._products(fit, fit.keys)
-        drop = drops(self._problem, found, [(each,) for each in candidates], self._q, fit.values)
-        worth = drop - np.array([self._price(each.keys) for each in candidates])
+        found = self.products(fit)
+        drop = self.drops(found, [(each,) for each in candidates], fit)
+        worth = drop - np.array([price(each.keys) for each in candidates])
         return [(candidates[k], float(drop[k])) for k in np.argsort(-worth)]
 
-    def _wider(self, causes: tuple[Candidate, ...]) -> list[Candidate]:
+    def wider(self, causes: tuple[Candidate, ...]) -> list[Candidate]:
         """Return what further choices of the causes' effects would add to them."""
         out = []
         for effect in dict.fromkeys(each.effect for each in causes):
             held = {key for each in causes if each.effect == effect for key in each.keys}
-            allowed = [set(c.keys) for c in self._library.candidates if c.effect == effect]
-            for c in self._library.candidates:
+            allowed = [set(c.keys) for c in self.library.candidates if c.effect == effect]
+            for c in self.library.candidates:
                 new = [key for key in c.keys if key not in held]
                 if c.effect == effect and new and any(held | set(new) <= each for each in allowed):
                     rows = tuple(row for key, row in zip(c.keys, c.columns, strict=True) if key in new)
@@ -87,7 +119,7 @@ class Refits:
                     out.append(Candidate(effect, choice, tuple(new), start, rows, c.offset if start else None))
         return out
 
-    def _begun_beside(self, fit: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
+    def begun_beside(self, fit: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return those of the started candidates that begin best beside a fit, one for each set of parameters.
 
         The difference that a start makes at the base model, with the effect's other parameters at starts too, says
@@ -100,24 +132,24 @@ class Refits:
                 begun[each.keys] = (chi2, each)
         return [each for _, each in begun.values()]
 
-    def _matters(self, fit: Fit, cause: Candidate) -> bool:
+    def matters(self, fit: Fit, cause: Candidate) -> bool:
         """Return whether a parameter of a cause is further from neutral than its scale, or has no finite neutral."""
         for key in cause.keys:
             p = self._problem.parameters[key]
-            if not abs(fit.values.get(key, p.neutral) - p.neutral) <= p.scale:
+            if not abs(self._problem.value(fit.values, key) - p.neutral) <= p.scale:
                 return True
         return False
 
-    def _likelier(self, fit: Fit, than: Fit) -> bool:
+    def likelier(self, fit: Fit, than: Fit) -> bool:
         """Return whether a fit pays for its parameters also under the noise that its own residual tells.
 
         What is beneath the whole library may be taken for less than the noise is, where the library is large.
         """
         own = whitening(fit.residual, self._problem.valid)
         fell = float(np.sum(own(than.residual) ** 2) - np.sum(own(fit.residual) ** 2))
-        return fell > self._price(fit.keys) - self._price(than.keys)
+        return fell > price(fit.keys) - price(than.keys)
 
-    def _recoloured(self, best: Fit) -> Fit:
+    def recoloured(self, best: Fit) -> Fit:
         """Whiten anew where the colour of what is left differs, and return the fit under it."""
         own = whitening(best.residual, self._problem.valid)
         e_own, e_now = own(best.residual), self.white(best.residual)
@@ -125,22 +157,24 @@ class Refits:
         now = self.white.log_det * own.count / self.white.count + float(np.sum(e_now**2))
         if now - told < _OTHER_COLOUR * own.count:
             return best
-        columns = np.concatenate((self._library.columns, columns_of(self._problem, best.values, best.keys)))
-        self._use(noise_beneath(self._problem, best.residual, columns, rounds=1))
-        return self._fitter.fit(best.values, best.keys, steps=4)
+        columns = np.concatenate((self.library.columns, columns_of(self._problem, best.values, best.keys)))
+        self._use(noise_beneath(self._problem, best.residual, columns, _RECOLOURING_ROUNDS))
+        return self._fitter.fit(best.values, best.keys, _RECOLOURED_STEPS)
 
     def _use(self, white: Whitening) -> None:
         self.white = white
-        self._stack = self._library.whitened(white)
+        self._stack = self.library.whitened(white)
         self._fitter = Fitter(self._problem, white, self.base_columns)
 
-    def _products(self, fit: Fit, keys: Sequence[str]) -> Products:
+    def products(self, fit: Fit) -> Products:
+        """Return the products of the library's columns with what a fit leaves, its own parameters projected out."""
         extra = None
-        if keys:
-            raw = columns_of(self._problem, fit.values, keys)
+        if fit.keys:
+            raw = columns_of(self._problem, fit.values, fit.keys)
             extra = np.stack([self.white(column).reshape(-1) for column in raw])
-        return products(self._stack, self._q, self.white(fit.residual).reshape(-1), self._problem.n, extra)
+        e = self.white(fit.residual).reshape(-1)
+        return products(self._stack, self.library.base, e, self._problem.n, extra)
 
-    @property
-    def _q(self) -> int:
-        return self._library.base
+    def drops(self, found: Products, sets: Sequence[Sequence[Candidate]], fit: Fit) -> FloatArray:
+        """Return the linear fall of χ² that each set of candidates promises beside a fit."""
+        return drops(self._problem, found, sets, self.library.base, fit.values)

@@ -179,9 +179,7 @@ class _Place:
     @classmethod
     def of(cls, problem: Problem, candidate: Candidate, base: int, values: dict[str, float]) -> "_Place":
         p = [problem.parameters[key] for key in candidate.keys]
-        at = [
-            candidate.start.get(key, values.get(key, each.neutral)) for key, each in zip(candidate.keys, p, strict=True)
-        ]
+        at = [candidate.start.get(key, problem.value(values, key)) for key in candidate.keys]
         return cls(
             tuple(row - base for row in candidate.columns),
             () if candidate.offset is None else (candidate.offset - base,),

@@ -66,65 +66,67 @@ class ImuSimulation:
 
     def predicted(self, values: Values) -> FloatArray:
         """Return (1) to (8), (n, 6), behind the shared low pass; NaN where nothing was measured."""
-        read, v = self.reading, _Lookup(values)
-        told = self._read(v)
-        offset_s, rate = v("time_offset", "value_s"), v("clock_drift", "rate")
+        read = self.reading
+        told = self._read(values)
+        offset_s, rate = values["time_offset.value_s"], values["clock_drift.rate"]
         if offset_s or rate:
             since_s = read.t_s - read.start_s
             told = self._at(told, since_s - (since_s - offset_s) / (1.0 + rate))
         y = read.ideal + (told - self._still)
         return np.where(self._masked, np.nan, y)
 
-    def _read(self, v: "_Lookup") -> FloatArray:
+    def _read(self, values: Values) -> FloatArray:
         """Return (1) to (7), (n, 6), of the motion without most of the reference's noise."""
         read = self.reading
-        w, sf = read.w, read.free + v("gravity_magnitude", "value_mps2", STANDARD_GRAVITY_MPS2) * read.up
-        if v.any("lever_arm"):
-            sf = sf + read.lever @ v.vector("lever_arm", "{}_m")
-        if v.any("frame_rotation"):
-            E = so3.exp(v.vector("frame_rotation", "{}_rad"))
+        w, sf = read.w, read.free + values["gravity_magnitude.value_mps2"] * read.up
+        if (arm_m := _vector(values, "lever_arm.{}_m")).any():
+            sf = sf + read.lever @ arm_m
+        if (turn_rad := _vector(values, "frame_rotation.{}_rad")).any():
+            E = so3.exp(turn_rad)
             w, sf = w @ E.T, sf @ E.T
-        if v.any_finite("vibration", "x_hz", "y_hz", "z_hz"):
-            sf = self._filtered(sf, self._vibration(v))
-        M = v.matrix("gyro_scale", "gyro_misalignment")
-        N = v.matrix("acc_scale", "acc_misalignment")
-        gyroscope = w @ M.T + v.vector("gyro_bias", "{}_radps")
-        if v.any("g_sensitivity"):
-            gyroscope = gyroscope + sf @ v.square("g_sensitivity").T
-        if v.any("gyro_bias_drift"):
-            gyroscope = gyroscope + np.outer(read.t_s - read.start_s, v.vector("gyro_bias_drift", "{}_radps2"))
-        if v.any("temperature"):
-            gyroscope = gyroscope + self._warmth(v)
-        accelerometer = sf @ N.T + v.vector("acc_bias", "{}_mps2")
+        if np.isfinite(mount_hz := _vector(values, "vibration.{}_hz")).any():
+            sf = self._filtered(sf, self._vibration(mount_hz, values["vibration.zeta"]))
+        M = _sensitivity(values, "gyro_scale", "gyro_misalignment")
+        N = _sensitivity(values, "acc_scale", "acc_misalignment")
+        gyroscope = w @ M.T + _vector(values, "gyro_bias.{}_radps")
+        if (G := _square(values, "g_sensitivity")).any():
+            gyroscope = gyroscope + sf @ G.T
+        if (drift_radps2 := _vector(values, "gyro_bias_drift.{}_radps2")).any():
+            gyroscope = gyroscope + np.outer(read.t_s - read.start_s, drift_radps2)
+        rise, since = self._warmth
+        if (per_rise := _vector(values, rise)).any():
+            gyroscope = gyroscope + np.outer(since, per_rise)
+        accelerometer = sf @ N.T + _vector(values, "acc_bias.{}_mps2")
         y = np.hstack((gyroscope, accelerometer))
-        if v.any_finite("low_pass", "gyro_hz", "acc_hz"):
-            y = self._filtered(y, self._low_pass(v))
-        limits = np.repeat((v("clipping", "gyro_radps", np.inf), v("clipping", "acc_mps2", np.inf)), 3)
+        cut_off_hz = np.array((values["low_pass.gyro_hz"], values["low_pass.acc_hz"]))
+        if np.isfinite(cut_off_hz).any():
+            y = self._filtered(y, self._low_pass(cut_off_hz, values["low_pass.zeta"]))
+        limits = np.repeat((values["clipping.gyro_radps"], values["clipping.acc_mps2"]), 3)
         if (np.abs(y) > limits).any():
             fine = read.fine(y)
             y = y + read.low_passed(np.clip(fine, -limits, limits) - fine)
         return y
 
-    def _warmth(self, v: "_Lookup") -> FloatArray:
-        """Return the last term of (4); without a temperature it is taken to rise steadily."""
+    @cached_property
+    def _warmth(self) -> tuple[str, FloatArray]:
+        """Return the keys of k in (4) and what it is multiplied with (n,): without a log, a steady rise."""
         read = self.reading
         if read.temperature_degC is None:
-            return np.outer(read.t_s - read.start_s, v.vector("temperature", "{}_radps2"))
-        return np.outer(read.temperature_degC - REFERENCE_DEGC, v.vector("temperature", "{}_radps_per_degC"))
+            return "temperature.{}_radps2", read.t_s - read.start_s
+        return "temperature.{}_radps_per_degC", read.temperature_degC - REFERENCE_DEGC
 
-    def _vibration(self, v: "_Lookup") -> ComplexArray:
+    def _vibration(self, mount_hz: FloatArray, zeta: float) -> ComplexArray:
         """Return V of (3) at the bins, (k, 3)."""
-        s_over_w0 = 1j * self._f_hz[:, None] * (1.0 / v.vector("vibration", "{}_hz", np.inf))
-        damping = 2.0 * v("vibration", "zeta", 0.1) * s_over_w0
+        s_over_w0 = 1j * self._f_hz[:, None] * (1.0 / mount_hz)
+        damping = 2.0 * zeta * s_over_w0
         found: ComplexArray = (1.0 + damping) / (1.0 + damping + s_over_w0**2)
         return found
 
-    def _low_pass(self, v: "_Lookup") -> ComplexArray:
-        """Return H of (6) at the bins, (k, 6): second order, −3 dB at the cut-off, whatever the damping."""
-        zeta = v("low_pass", "zeta", np.sqrt(0.5))
+    def _low_pass(self, cut_off_hz: FloatArray, zeta: float) -> ComplexArray:
+        """Return H of (6) at the bins, (k, 6): second order, −3 dB at the cut-offs (2,), whatever the damping."""
         lean = 2.0 * zeta**2 - 1.0
         w0_over_w3 = np.sqrt(lean + np.sqrt(lean**2 + 1.0))
-        w3 = np.repeat((v("low_pass", "gyro_hz", np.inf), v("low_pass", "acc_hz", np.inf)), 3)
+        w3 = np.repeat(cut_off_hz, 3)
         s_over_w0 = 1j * self._f_hz[:, None] * (1.0 / (w3 * w0_over_w3))
         found: ComplexArray = 1.0 / (1.0 + 2.0 * zeta * s_over_w0 + s_over_w0**2)
         return found
@@ -180,32 +182,24 @@ class ImuSimulation:
         return found
 
 
-class _Lookup:
-    """Values by effect and parameter; what is missing is neutral."""
+def _vector(values: Values, form: str) -> FloatArray:
+    """Return the parameters (3,) of the three axes."""
+    return np.array([values[form.format(axis)] for axis in AXES])
 
-    def __init__(self, values: Values) -> None:
-        self._values = values
-        self._effects = {key.partition(".")[0] for key in values}
 
-    def __call__(self, effect: str, parameter: str, neutral: float = 0.0) -> float:
-        return self._values.get(f"{effect}.{parameter}", neutral)
+def _square(values: Values, effect: str) -> FloatArray:
+    """Return the parameters xx, xy, … (3, 3): row reads, column acts."""
+    return np.array([[values[f"{effect}.{row}{column}"] for column in AXES] for row in AXES])
 
-    def any(self, effect: str) -> bool:
-        """Return whether any parameter of the effect is given."""
-        return effect in self._effects
 
-    def any_finite(self, effect: str, *parameters: str) -> bool:
-        """Return whether one of the parameters, neutral at infinity, is finite."""
-        return any(np.isfinite(self(effect, parameter, np.inf)) for parameter in parameters)
-
-    def vector(self, effect: str, form: str, neutral: float = 0.0) -> FloatArray:
-        """Return the parameters (3,) of the three axes."""
-        return np.array([self(effect, form.format(axis), neutral) for axis in AXES])
-
-    def square(self, effect: str) -> FloatArray:
-        """Return the parameters xx, xy, … (3, 3): row reads, column acts."""
-        return np.array([[self(effect, row + column) for column in AXES] for row in AXES])
-
-    def matrix(self, scale: str, misalignment: str) -> FloatArray:
-        """Return the sensitivity (3, 3) of a sensor."""
-        return np.eye(3) + np.diag(self.vector(scale, "{}")) + self.square(misalignment)
+def _sensitivity(values: Values, scale: str, misalignment: str) -> FloatArray:
+    """Return the sensitivity (3, 3) of a sensor."""
+    return np.array(
+        [
+            [
+                1.0 + values[f"{scale}.{row}"] if row == column else values[f"{misalignment}.{row}{column}"]
+                for column in AXES
+            ]
+            for row in AXES
+        ]
+    )

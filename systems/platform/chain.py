@@ -21,8 +21,8 @@ from systems.platform.motion import Motion, unsmoothed
 from systems.platform.sensor import CHANNELS
 from systems.platform.tape import Carried, Rocking, rocking, shifted
 
-Acting = Mapping[str, Mapping[str, float]]
-"""Effects with those of their parameters that are not missing."""
+ByEffect = Mapping[str, Mapping[str, float]]
+"""Every effect of the library with all its parameters."""
 _MOST_KEPT = 10
 _FINER = 4
 _AXES_M = ("x_m", "y_m", "z_m")
@@ -68,37 +68,39 @@ class Chain:
     repeats: BoolArray
     _kept: dict[tuple[object, ...], object] = field(default_factory=dict, compare=False, repr=False)
 
-    def predicted(self, acting: Acting, unknown: FloatArray, noise: FloatArray) -> tuple[FloatArray, Markers]:
+    def predicted(self, values: ByEffect, unknown: FloatArray, noise: FloatArray) -> tuple[FloatArray, Markers]:
         """Return the wrench (6, m) that is read, and the markers, below the band's limit.
 
         `unknown` (10,) is the π that the recording does not state, the foot's about F's origin or else the plate's;
         `noise` (6,) what scatters a sample before it is rounded.
         """
-        raw = self.wrench_of(acting, unknown)
-        rocks = self._rocking(acting, unknown)
+        cutoff_hz, offset_m = values["motion_smoothing"]["value_hz"], _triple(values["joint_offset"])
+        columns = self.columns_of(cutoff_hz, offset_m)
+        raw = self._rigid(columns, unknown, _point_mass(values["hidden_mass"]))
+        rocks = self._rocking(values, columns, unknown)
         if rocks is not None:
             raw = raw + rocks.wrench
-        for moment in self._straps(acting):
+        for moment in self._straps(values):
             raw[3:] += moment
-        jumps = acting.get("aliasing", {})
-        if jumps.get("share", 0.0) != 0.0:
+        jumps = values["aliasing"]
+        if jumps["share"] != 0.0:
             raw += jumps["share"] * aliased(raw, self.band, jumps["update_hz"], jumps["offset_s"])
-        matrix = _matrix(acting)
+        matrix = _matrix(values)
         spectrum = self.band.spectrum(raw if matrix is None else matrix @ raw)
-        delay_s, lag_s = (acting.get(name, {}).get("value_s", 0.0) for name in ("force_delay", "force_lag"))
+        delay_s, lag_s = values["force_delay"]["value_s"], values["force_lag"]["value_s"]
         if delay_s != 0.0 or lag_s != 0.0:
             jw = 2j * np.pi * self.band.f_hz
             spectrum *= np.exp(-jw * delay_s) / (1.0 + jw * lag_s)
-        if _bends(acting):
-            spectrum = self.band.spectrum(self._bent(acting, spectrum, noise))
+        if _bends(values):
+            spectrum = self.band.spectrum(self._bent(values, spectrum, noise))
         wrench = self.band.reduced(spectrum)
-        for name, value in acting.get("tare_error", {}).items():
-            wrench[CHANNELS.index(name)] += value
-        return wrench, self._markers(acting, rocks)
+        for name, constant in values["tare_error"].items():
+            if constant != 0.0:
+                wrench[CHANNELS.index(name)] += constant
+        return wrench, self._markers(values, rocks)
 
-    def motion_of(self, acting: Acting) -> Motion:
-        """Return the motion, smoothing undone."""
-        cutoff_hz = acting.get("motion_smoothing", {}).get("value_hz", inf)
+    def motion_of(self, cutoff_hz: float) -> Motion:
+        """Return the motion, a smoothing with this cut-off undone, of which an infinite one does nothing."""
         return self._once(
             ("motion", cutoff_hz),
             lambda: Motion.of(
@@ -106,26 +108,32 @@ class Chain:
             ),
         )
 
-    def columns_of(self, acting: Acting) -> FloatArray:
-        """Return (Y − Y⁰) in P, its ten columns first, (10, 6 n)."""
-        lever_m = self.stated.joint_m + _triple(acting, "joint_offset")
-        cutoff_hz = acting.get("motion_smoothing", {}).get("value_hz", inf)
+    def columns_of(self, cutoff_hz: float, offset_m: FloatArray) -> FloatArray:
+        """Return (Y − Y⁰) in P, its ten columns first, (10, 6 n); `offset_m` (3,) is what the joint's lever lacks."""
+        lever_m = self.stated.joint_m + offset_m
         return self._once(
             ("columns", cutoff_hz, *lever_m.tolist()),
-            lambda: self.motion_of(acting).columns(lever_m, self.stated.tared),
+            lambda: self.motion_of(cutoff_hz).columns(lever_m, self.stated.tared),
         )
 
-    def wrench_of(self, acting: Acting, unknown: FloatArray) -> FloatArray:
-        """Return the wrench (6, n) of plate, foot and hidden mass as rigid bodies, tared."""
+    def base_columns(self) -> FloatArray:
+        """Return the columns of the base model, (10, 6 n)."""
+        return self.columns_of(inf, np.zeros(3))
+
+    def base_wrench(self, unknown: FloatArray) -> FloatArray:
+        """Return the wrench (6, n) of plate and foot as rigid bodies, tared."""
+        return self._rigid(self.base_columns(), unknown, np.zeros(10))
+
+    def _rigid(self, columns: FloatArray, unknown: FloatArray, hidden: FloatArray) -> FloatArray:
+        """Return the wrench (6, n) of plate, foot and a hidden mass π (10,) as rigid bodies, tared."""
         stated, body = self.stated, unknown
         if stated.foot_m is not None:
             foot = stated.to_plate @ unknown
             body = stated.plate + foot
-        wrench = (body + _hidden(acting)) @ self.columns_of(acting)
-        wrench = wrench.reshape(6, -1)
+        wrench: FloatArray = ((body + hidden) @ columns).reshape(6, -1)
         if stated.foot_m is not None:
             wrench += ((stated.tared - stated.foot_tared) @ foot)[:, None]
-        return cast(FloatArray, wrench)
+        return wrench
 
     def level_slope(self, unknown: FloatArray) -> FloatArray:
         """Return ∂ wrench / ∂ (θ̈, φ̈) (6, 2), level."""
@@ -136,87 +144,88 @@ class Chain:
         slope: FloatArray = (regressor(np.cross(alpha, stated.joint_m), none, none, alpha) @ body).T
         return slope
 
-    def _rocking(self, acting: Acting, unknown: FloatArray) -> Rocking | None:
-        tape = acting.get("tape_compliance", {})
-        resonances_hz = (tape.get("z_hz", inf), tape.get("x_hz", inf))
-        if self.stated.foot_m is None or not any(isfinite(hz) for hz in resonances_hz):
+    def _rocking(self, values: ByEffect, columns: FloatArray, unknown: FloatArray) -> Rocking | None:
+        """Return how the foot rocks, whose rigid wrench is `columns` times its π; None where the tape does not give."""
+        if self.stated.foot_m is None:
+            return None
+        tape = values["tape_compliance"]
+        resonances_hz = (tape["z_hz"], tape["x_hz"])
+        if not any(isfinite(hz) for hz in resonances_hz):
             return None
         foot = self.stated.to_plate @ unknown
-        rigid = (foot @ self.columns_of(acting)).reshape(6, -1)
-        lever_m = self.stated.joint_m + _triple(acting, "joint_offset")
-        cutoff_hz = acting.get("motion_smoothing", {}).get("value_hz", inf)
+        lever_m = self.stated.joint_m + _triple(values["joint_offset"])
+        cutoff_hz = values["motion_smoothing"]["value_hz"]
         motion = self._once(
             ("carried", cutoff_hz, *lever_m.tolist()),
-            lambda: Carried.of(self.motion_of(acting).kinematics(lever_m)),
+            lambda: Carried.of(self.motion_of(cutoff_hz).kinematics(lever_m)),
         )
-        rest = self.stated.tared @ foot
-        return rocking(self.band, foot, motion, rigid, rest, resonances_hz, tape.get("zeta", 0.0))
+        rigid, rest = (foot @ columns).reshape(6, -1), self.stated.tared @ foot
+        return rocking(self.band, foot, motion, rigid, rest, resonances_hz, tape["zeta"])
 
-    def _straps(self, acting: Acting) -> list[FloatArray]:
+    def _straps(self, values: ByEffect) -> list[FloatArray]:
         """Return the moments (3, n) in P that hold spring, damper and friction at bay, about I's Z and P's X."""
-        springs, dampers, rubs = (
-            acting.get(name, {}) for name in ("parallel_spring", "parallel_damping", "coulomb_friction")
-        )
-        if not (springs or dampers or rubs):
+        springs, dampers, rubs = (values[name] for name in ("parallel_spring", "parallel_damping", "coulomb_friction"))
+        if not (_any(springs) or _any(dampers) or _any(rubs)):
             return []
-        motion = self.motion_of(acting)
+        motion = self.motion_of(values["motion_smoothing"]["value_hz"])
         about = []
         for row, axis in enumerate("zx"):
             angle, rate = motion.angles_rad[row], motion.rates_radps[row]
-            moment = springs.get(f"{axis}_nmprad", 0.0) * angle + dampers.get(f"{axis}_nmsprad", 0.0) * rate
-            rub_nm = rubs.get(f"{axis}_nm", 0.0)
+            moment = springs[f"{axis}_nmprad"] * angle + dampers[f"{axis}_nmsprad"] * rate
+            rub_nm = rubs[f"{axis}_nm"]
             about.append(moment if rub_nm == 0.0 else moment + rub_nm * motion.direction(row, self.band.rate_hz))
         phi = motion.angles_rad[1]
         return [np.stack((about[1], about[0] * np.sin(phi), about[0] * np.cos(phi)))]
 
-    def _bent(self, acting: Acting, spectrum: ComplexArray, noise: FloatArray) -> FloatArray:
+    def _bent(self, values: ByEffect, spectrum: ComplexArray, noise: FloatArray) -> FloatArray:
         """Return the wrench (6, n) behind all that is no factor per frequency.
 
         What play makes follows from the turning points, which lie between samples: it sees four times as many, below
         the band's limit.
         """
         wrench = self.band.full(spectrum)
-        for name, play in acting.get("backlash", {}).items():
+        for name, play in values["backlash"].items():
             if play != 0.0:
                 k = CHANNELS.index(name)
                 fine = self.band.full(spectrum[k : k + 1], _FINER)[0]
                 wrench[k] += (with_play(fine, 0.5 * play, float(fine[0])) - fine)[::_FINER]
-        drift = acting.get("clock_drift", {}).get("rate", 0.0)
+        drift = values["clock_drift"]["rate"]
         if drift != 0.0:
             wrench = self.band.stretched(self.band.spectrum(wrench), drift)
-        for name, limit in acting.get("saturation", {}).items():
-            k = CHANNELS.index(name)
-            wrench[k] = np.clip(wrench[k], -limit, limit)
+        for name, limit in values["saturation"].items():
+            if isfinite(limit):
+                k = CHANNELS.index(name)
+                wrench[k] = np.clip(wrench[k], -limit, limit)
         for name, first in (("force_n", 0), ("torque_nm", 3)):
-            step = acting.get("quantisation", {}).get(name, 0.0)
+            step = values["quantisation"][name]
             if step > 0.0:
                 for k in range(first, first + 3):
                     wrench[k] = sensor.rounded(wrench[k], step, float(noise[k]))
-        share = acting.get("dropped_samples", {}).get("held", 0.0)
+        share = values["dropped_samples"]["held"]
         return wrench if share == 0.0 else sensor.held(wrench, self.repeats, share)
 
-    def _markers(self, acting: Acting, rocks: Rocking | None) -> Markers:
+    def _markers(self, values: ByEffect, rocks: Rocking | None) -> Markers:
         """Return what the markers show; they are compared as smoothed as they are."""
         stated, band = self.stated, self.band
 
         def reduced() -> FloatArray:
-            seen = self.motion_of({})
+            seen = self.motion_of(inf)
             rows = np.vstack((seen.R_IP.transpose(1, 2, 0).reshape(9, -1), seen.angles_rad))
             return band.reduced(band.spectrum(rows))
 
         rows = self._once(("markers",), reduced)
         R_IP = rows[:9].reshape(3, 3, -1)
-        scale = 1.0 + acting.get("position_scale", {}).get("value", 0.0)
-        lever_m = stated.joint_m + _triple(acting, "joint_offset")
+        scale = 1.0 + values["position_scale"]["value"]
+        lever_m = stated.joint_m + _triple(values["joint_offset"])
         plate_m = scale * np.einsum("rcm,c->rm", R_IP, lever_m)
         if stated.foot_m is None:
             return Markers((plate_m,), ())
-        foot_m = stated.foot_m + _triple(acting, "foot_marker_offset")
+        foot_m = stated.foot_m + _triple(values["foot_marker_offset"])
         placed = np.einsum("rcm,c->rm", R_IP, lever_m + foot_m)
         rotations = rows[9:]
-        share = acting.get("tape_compliance", {}).get("seen", 0.0)
+        share = values["tape_compliance"]["seen"]
         if rocks is not None and share != 0.0:
-            R_full = self._once(("seen",), lambda: self.motion_of({}).R_IP.transpose(1, 2, 0).reshape(9, -1).copy())
+            R_full = self._once(("seen",), lambda: self.motion_of(inf).R_IP.transpose(1, 2, 0).reshape(9, -1).copy())
             more = np.concatenate(shifted(R_full, share * rocks.turns_rad, foot_m))
             more = band.reduced(band.spectrum(more))
             placed, rotations = placed + more[:3], rotations + more[3:]
@@ -235,30 +244,32 @@ class Chain:
         return key[1:] in ((), (inf,), (inf, *self.stated.joint_m.tolist()))
 
 
-def _triple(acting: Acting, effect: str) -> FloatArray:
-    found = acting.get(effect, {})
-    return np.array([found.get(axis, 0.0) for axis in _AXES_M])
+def _any(parameters: Mapping[str, float]) -> bool:
+    """Tell whether one of an effect's parameters, all neutral at zero, is not neutral."""
+    return any(value != 0.0 for value in parameters.values())
 
 
-def _hidden(acting: Acting) -> FloatArray:
+def _triple(parameters: Mapping[str, float]) -> FloatArray:
+    return np.array([parameters[axis] for axis in _AXES_M])
+
+
+def _point_mass(hidden: Mapping[str, float]) -> FloatArray:
     """Return the π (10,) of a point mass on the plate."""
-    hidden = acting.get("hidden_mass", {})
     vector = np.zeros(10)
-    mass_kg = hidden.get("mass_kg", 0.0)
+    mass_kg = hidden["mass_kg"]
     if mass_kg != 0.0:
-        x, y, z = _triple(acting, "hidden_mass")
+        x, y, z = _triple(hidden)
         vector[0] = mass_kg
         vector[1:4] = mass_kg * np.array([x, y, z])
         vector[4:] = mass_kg * np.array([y * y + z * z, x * x + z * z, x * x + y * y, -y * z, -x * z, -x * y])
     return vector
 
 
-def _matrix(acting: Acting) -> FloatArray | None:
+def _matrix(values: ByEffect) -> FloatArray | None:
     """Return what gains, crosstalk, height and rotation make of a wrench (6, 6), or None if nothing."""
-    gains, crosstalk = acting.get("force_gain", {}), acting.get("crosstalk", {})
-    turns = acting.get("plate_rotation", {})
-    height_m = acting.get("reference_height", {}).get("value_m", 0.0)
-    if not (any(gains.values()) or any(crosstalk.values()) or any(turns.values()) or height_m != 0.0):
+    gains, crosstalk, turns = values["force_gain"], values["crosstalk"], values["plate_rotation"]
+    height_m = values["reference_height"]["value_m"]
+    if not (_any(gains) or _any(crosstalk) or _any(turns) or height_m != 0.0):
         return None
     amplifier = np.eye(6)
     for name, gain in gains.items():
@@ -266,15 +277,12 @@ def _matrix(acting: Acting) -> FloatArray | None:
     for name, share in crosstalk.items():
         of, _, source = name.partition("_from_")
         amplifier[CHANNELS.index(of), CHANNELS.index(source)] += share
-    rotation = np.array([turns.get(axis, 0.0) for axis in ("x_rad", "y_rad", "z_rad")])
+    rotation = np.array([turns[axis] for axis in ("x_rad", "y_rad", "z_rad")])
     matrix: FloatArray = amplifier @ sensor.turned(rotation) @ sensor.about_height(height_m)
     return matrix
 
 
-def _bends(acting: Acting) -> bool:
+def _bends(values: ByEffect) -> bool:
     """Tell whether anything acts that is no matter of one factor per frequency."""
-    return any(
-        value != 0.0
-        for name in ("clock_drift", "backlash", "quantisation", "dropped_samples")
-        for value in acting.get(name, {}).values()
-    ) or any(isfinite(limit) for limit in acting.get("saturation", {}).values())
+    at_zero = ("clock_drift", "backlash", "quantisation", "dropped_samples")
+    return any(_any(values[name]) for name in at_zero) or any(map(isfinite, values["saturation"].values()))

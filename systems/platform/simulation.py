@@ -10,6 +10,7 @@ each of them sees the swing, and the foot's two angles, all below 60 Hz (`band`)
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from impedance.recording.synchronous import Synchronous, synchronous
 from messages.arrays import FloatArray
 from messages.errors import UserError
 from systems.platform.band import Band, bridged
-from systems.platform.chain import Chain, Stated
+from systems.platform.chain import ByEffect, Chain, Stated
 from systems.platform.effects import amplitudes, geometry, timing
 from systems.platform.effects_above import above_sensor, sampling
 from systems.platform.jumps import rhythm
@@ -95,7 +96,7 @@ class PlatformSimulation:
             names += [f"foot_{name}" for name in _ROTATIONS]
         values = self.band.reduced(self.band.spectrum(np.vstack(parts))).T
         values = np.where(self.band.kept[:, None], values, np.nan)
-        moves = self.chain.motion_of({})
+        moves = self.chain.motion_of(inf)
         inputs = np.vstack((moves.angles_rad, moves.rates_radps, moves.accelerations_radps2))
         return Channels(
             t_s=streams.t_s[0] + self.band.t_s,
@@ -138,29 +139,17 @@ class PlatformSimulation:
 
     def predicted(self, values: Values) -> FloatArray:
         """Return wrench and markers (m, c) below 60 Hz; NaN near gaps."""
-        wrench, markers = self.chain.predicted(self._acting(values), self._body(values), self._rounded_noise)
+        wrench, markers = self.chain.predicted(_by_effect(values), self._body(values), self._rounded_noise)
         everything = np.vstack((wrench, *(SKEW @ position for position in markers.positions_m), *markers.rotations_rad))
         if not self.band.kept.all():
             everything[:, ~self.band.kept] = np.nan
         return np.ascontiguousarray(everything.T)
 
-    def _acting(self, values: Values) -> dict[str, dict[str, float]]:
-        """Return the effects that `values` name, with the parameters that they name."""
-        acting: dict[str, dict[str, float]] = {}
-        for key, value in values.items():
-            effect, dot, parameter = key.partition(".")
-            if dot:
-                acting.setdefault(effect, {})[parameter] = value
-        if "aliasing" in acting:
-            update_hz, offset_s = self._rhythm
-            acting["aliasing"] = {"update_hz": update_hz, "offset_s": offset_s, **acting["aliasing"]}
-        return acting
-
     @cached_property
     def _rhythm(self) -> tuple[float, float]:
         """Return the rate (Hz) at which the wrench seems to jump, and the first jump (s)."""
         band = self.band
-        predicted = self.chain.wrench_of({}, self._body({}))
+        predicted = self.chain.base_wrench(self._started)
         left = bridged(self.streams.wrench, self.streams.valid) - predicted
         return rhythm(predicted, band.full(band.spectrum(left) * band.limit), band.rate_hz)
 
@@ -172,21 +161,26 @@ class PlatformSimulation:
 
     def _body(self, values: Values) -> FloatArray:
         """Return the unknown body's π (10,): the foot about F's origin, or the plate."""
+        return self._unknown_body([values[p.name] for p in self.parameters])
+
+    @cached_property
+    def _started(self) -> FloatArray:
+        """Return the unknown body's π (10,) where the base model's fit begins."""
+        return self._unknown_body([p.neutral for p in self.parameters])
+
+    def _unknown_body(self, parameters: list[float]) -> FloatArray:
         if not self._unknown:
             return self.stated.plate
         vector = np.zeros(10)
         vector[0] = self.streams.settings.plate.mass_kg
-        names = [p.name for p in self.parameters]
-        vector[list(self._unknown)] = [
-            values.get(name, p.neutral) for name, p in zip(names, self.parameters, strict=True)
-        ]
+        vector[list(self._unknown)] = parameters
         return vector
 
     @cached_property
     def _start(self) -> FloatArray:
         """Return the least squares of the wrench for what is unknown, each channel by its own size."""
         band, stated = self.band, self.stated
-        columns = self.chain.columns_of({}).reshape(10, 6, -1)
+        columns = self.chain.base_columns().reshape(10, 6, -1)
         moved = np.stack([band.reduced(band.spectrum(column)) for column in columns])
         if stated.foot_m is None:
             known = np.zeros(10)
@@ -215,7 +209,7 @@ class PlatformSimulation:
     @cached_property
     def _per_acceleration(self) -> FloatArray:
         """Return by how much the wrench (6,) scatters with that of both angular accelerations."""
-        slope = self.chain.level_slope(self._body({}))
+        slope = self.chain.level_slope(self._started)
         spread: FloatArray = np.sqrt((slope**2).sum(axis=1))
         return spread
 
@@ -233,6 +227,16 @@ class PlatformSimulation:
         wrench = np.hypot(np.repeat((force_n, torque_nm), 3), moved)
         rotations = np.repeat(np.sqrt(2.0) * angle_rad, 2 * (frames - 1))
         return np.concatenate((wrench, np.repeat(position_m, 3 * frames) * still, rotations * still))
+
+
+def _by_effect(values: Values) -> ByEffect:
+    """Return the parameters of every effect by their own names."""
+    found: dict[str, dict[str, float]] = {}
+    for key, value in values.items():
+        effect, dot, parameter = key.partition(".")
+        if dot:
+            found.setdefault(effect, {})[parameter] = value
+    return found
 
 
 def _first(streams: Synchronous, seconds: float) -> Synchronous:

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from discrepancy.simulation import Effect
+from discrepancy.values import predicted
 from messages.arrays import FloatArray
 from systems.wearable.simulation import WearableSimulation, load
 
@@ -28,7 +29,7 @@ _RIDGE = 1e-9
 
 def shares(simulation: WearableSimulation) -> tuple[tuple[str, ...], FloatArray]:
     """Return the candidates' names, one for each choice of an effect, and (1) for each pair, (m, m)."""
-    base = simulation.predicted({})
+    base = predicted(simulation, {})
     residual = simulation.channels.values - base
     seen = np.isfinite(residual).all(axis=1)
     residual = residual[seen] - residual[seen].mean(axis=0)
@@ -41,7 +42,7 @@ def shares(simulation: WearableSimulation) -> tuple[tuple[str, ...], FloatArray]
         whitened: FloatArray = ((rows[1:] - follows * rows[:-1]) / deviation).ravel()
         return whitened
 
-    own = [white(simulation.predicted({p.name: p.neutral + p.scale}) - base) for p in simulation.parameters]
+    own = [white(predicted(simulation, {p.name: p.neutral + p.scale}) - base) for p in simulation.parameters]
     Q = np.linalg.qr(np.stack(own, axis=-1))[0]
     names, blocks = [], []
     for effect in simulation.effects:
@@ -65,9 +66,9 @@ def _columns(
     """Return a whitened column for each parameter of the choice, or the whole change at each start."""
     if effect.starts:
         starts = [{effect.qualified(n): v for n, v in start.items() if n in choice} for start in effect.starts]
-        return [white(simulation.predicted(start) - base) for start in starts]
+        return [white(predicted(simulation, start) - base) for start in starts]
     scales = {p.name: p.scale for p in effect.parameters}
-    return [white(simulation.predicted({effect.qualified(name): scales[name]}) - base) for name in choice]
+    return [white(predicted(simulation, {effect.qualified(name): scales[name]}) - base) for name in choice]
 
 
 def _share(a: FloatArray, b: FloatArray) -> float:

@@ -7,7 +7,6 @@ blurred the picture is, and the tilt by gyroscope and by gravity.
 
 import math
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from scipy.signal import lfilter
@@ -45,10 +44,6 @@ _LOCKING_SEEN = 0.29
 def load(folder: Path) -> "WearableSimulation":
     """Return the simulation of the recording in `folder`; raises UserError with one line."""
     return WearableSimulation(read_files(folder))
-
-
-class _Of(Protocol):
-    def __call__(self, effect: str, parameter: str, neutral: float = 0.0, /) -> float: ...
 
 
 class WearableSimulation:
@@ -116,56 +111,52 @@ class WearableSimulation:
 
     def predicted(self, values: Values) -> FloatArray:
         """Return what should have been measured, (n, c)."""
-
-        def of(effect: str, parameter: str, neutral: float = 0.0) -> float:
-            return float(values.get(f"{effect}.{parameter}", neutral))
-
-        disparity = self._disparity(of) + self._matcher_px
+        disparity = self._disparity(values) + self._matcher_px
         disparity = np.where(np.isfinite(disparity), disparity, 0.0)
         columns = [self._coefficients(disparity - self._ground_px)]
-        locking = np.full(len(self._stamp_s), _LOCKING_PX + _LOCKING_SEEN * of("pixel_locking", "amplitude_px"))
-        exposed_s = self._exposure_s + of("motion_blur", "exposure_s")
+        locking = np.full(len(self._stamp_s), _LOCKING_PX + _LOCKING_SEEN * values["pixel_locking.amplitude_px"])
+        exposed_s = self._exposure_s + values["motion_blur.exposure_s"]
         steepness = view.smeared(self._scene, exposed_s, self._steepness)
         columns.append(self._level_px + np.stack((locking, _change(steepness)), axis=-1))
         if self._tilt is not None:
             since_s = self._stamp_s - self._stamp_s.mean()
-            late_s = values.get("imu_late_s", 0.0) + values.get("imu_drift", 0.0) * since_s
-            columns.append(self._tilted(self._tilt, of) + late_s[:, None] * self._tilt.of_lateness)
+            late_s = values["imu_late_s"] + values["imu_drift"] * since_s
+            columns.append(self._tilted(self._tilt, values) + late_s[:, None] * self._tilt.of_lateness)
         return self._uniform(np.concatenate(columns, axis=1))
 
-    def _disparity(self, of: _Of) -> FloatArray:
+    def _disparity(self, values: Values) -> FloatArray:
         """Return (n, p) disparities at the patches' centres, without what the matcher does by itself."""
         scene, layout, f_px = self._scene, self._layout, self._rectifier.f_px
-        untold_s = of("rolling_shutter", "readout_s")
-        stamp_error_s = of("time_offset", "value_s") + of("exposure_change", "share") * (
+        untold_s = values["rolling_shutter.readout_s"]
+        stamp_error_s = values["time_offset.value_s"] + values["exposure_change.share"] * (
             self._exposure_s - self._exposure_s.mean()
         )
         t_s = self._stamp_s[:, None] - stamp_error_s[:, None] + layout.centre_time_s + untold_s * layout.row
         still = untold_s == 0.0 and not stamp_error_s.any()
         theta = self._theta if still else self._path.theta(t_s)
-        turn_C = np.array([of("extrinsic_rotation", "x_rad"), 0.0, of("extrinsic_rotation", "z_rad")])
-        hz = of("soft_mount", "hz", math.inf)
+        turn_C = np.array([values["extrinsic_rotation.x_rad"], 0.0, values["extrinsic_rotation.z_rad"]])
+        hz = values["soft_mount.hz"]
         if math.isfinite(hz):
-            swing = self._swing_C(hz, of("soft_mount", "zeta", 0.2))
+            swing = self._swing_C(hz, values["soft_mount.zeta"])
             at = [np.interp(t_s, self._path.grid_s, swing[:, axis]) for axis in range(3)]
             theta = view.turned(theta, np.stack(at, axis=-1))
         if turn_C.any():
             theta = view.turned(theta, turn_C)
-        d: FloatArray = np.einsum("npi,pi->np", theta, layout.centre_C) * (1.0 + of("baseline_error", "share"))
+        d: FloatArray = np.einsum("npi,pi->np", theta, layout.centre_C) * (1.0 + values["baseline_error.share"])
         d = d + (self._readout_s + untold_s) * self._late
-        if (y_rad := of("toe_in", "y_rad")) != 0.0:
+        if (y_rad := values["toe_in.y_rad"]) != 0.0:
             d = d + view.toed_in(scene, layout, f_px, y_rad)
         for amount, swelling in (
-            (of("focal_error", "share"), view.longer_focus),
-            (of("distortion_residual", "k1"), view.more_distortion),
+            (values["focal_error.share"], view.longer_focus),
+            (values["distortion_residual.k1"], view.more_distortion),
         ):
             if amount != 0.0:
                 d = d + view.swollen(scene, layout, theta, self._rectifier, self._lenses, swelling(amount))
-        along, across = of("ground_not_flat", "sagittal_per_m"), of("ground_not_flat", "frontal_per_m")
+        along, across = values["ground_not_flat.sagittal_per_m"], values["ground_not_flat.frontal_per_m"]
         if along != 0.0 or across != 0.0:
             d = d + view.bent_ground(scene, self._ahead_m, along, across)
-        if (per_octave_px := of("texture_bias", "per_octave_px")) != 0.0:
-            d = d + per_octave_px * (self._contrast - of("texture_bias", "at_octaves", _OCTAVES))
+        if (per_octave_px := values["texture_bias.per_octave_px"]) != 0.0:
+            d = d + per_octave_px * (self._contrast - values["texture_bias.at_octaves"])
         return d
 
     def _coefficients(self, beside_px: FloatArray) -> FloatArray:
@@ -186,17 +177,17 @@ class WearableSimulation:
         swing: FloatArray = lfilter(np.array([-k, 0.0, k]) / a[0], a / a[0], rate - rate[0], axis=0)
         return swing
 
-    def _tilted(self, tilted: tilt.Tilt, of: _Of) -> FloatArray:
+    def _tilted(self, tilted: tilt.Tilt, values: Values) -> FloatArray:
         total = tilted.reference
         for bias, axis in (("acc_x_mps2", 0), ("acc_y_mps2", 1)):
-            if (value := of("imu_bias", bias)) != 0.0:
+            if (value := values[f"imu_bias.{bias}"]) != 0.0:
                 total = total + value * tilted.of_acc_bias[axis]
         for bias, axis in (("gyro_x_radps", 0), ("gyro_y_radps", 1)):
-            if (value := of("imu_bias", bias)) != 0.0:
+            if (value := values[f"imu_bias.{bias}"]) != 0.0:
                 total = total + value * tilted.of_gyro_bias[axis]
-        ahead, left = of("acceleration_disturbance", "ahead_mps2"), of("acceleration_disturbance", "left_mps2")
+        ahead, left = values["acceleration_disturbance.ahead_mps2"], values["acceleration_disturbance.left_mps2"]
         if ahead != 0.0 or left != 0.0:
-            total = total + tilted.of_acceleration(ahead, left, of("acceleration_disturbance", "from_s"))
+            total = total + tilted.of_acceleration(ahead, left, values["acceleration_disturbance.from_s"])
         return total
 
     def _measured(self, numbers: FrameNumbers) -> Channels:

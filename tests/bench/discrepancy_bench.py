@@ -115,6 +115,10 @@ EFFECTS = (
     _effect("tare", _parameter("height_m", "m", 2e-4, -1.0, 1.0)),
 )
 
+_NEUTRAL = {"mass_kg": MASS_KG, "stiffness_npm": STIFFNESS_NPM} | {
+    effect.qualified(p.name): p.neutral for effect in EFFECTS for p in effect.parameters
+}
+
 
 @dataclass(frozen=True)
 class Rig:
@@ -152,19 +156,19 @@ class Rig:
         return tuple(each for each in EFFECTS if each.name not in self.withheld)
 
     def predicted(self, values: Values) -> FloatArray:
-        get = values.get
-        mass, stiffness = get("mass_kg", MASS_KG), get("stiffness_npm", STIFFNESS_NPM)
+        values = {**_NEUTRAL, **values}  # the library or the base model may not hold all
+        mass, stiffness = values["mass_kg"], values["stiffness_npm"]
         x, v, a = (self._motion(order) for order in range(3))
         out = mass * a + stiffness * x
-        out = out + v * np.array([get("damping.x_nspm", 0.0), get("damping.z_nspm", 0.0)])
-        out = out + np.sign(v) * np.array([get("coulomb.fx_n", 0.0), get("coulomb.fz_n", 0.0)])
-        out = out @ np.array([[1.0, get("crosstalk.fz_from_fx", 0.0)], [get("crosstalk.fx_from_fz", 0.0), 1.0]])
-        out = out * (1.0 + np.array([get("gain.fx", 0.0), get("gain.fz", 0.0)]))
-        delay, lag, hz = get("delay.value_s", 0.0), get("lag.tau_s", 0.0), get("resonance.hz", np.inf)
+        out = out + v * np.array([values["damping.x_nspm"], values["damping.z_nspm"]])
+        out = out + np.sign(v) * np.array([values["coulomb.fx_n"], values["coulomb.fz_n"]])
+        out = out @ np.array([[1.0, values["crosstalk.fz_from_fx"]], [values["crosstalk.fx_from_fz"], 1.0]])
+        out = out * (1.0 + np.array([values["gain.fx"], values["gain.fz"]]))
+        delay, lag, hz = values["delay.value_s"], values["lag.tau_s"], values["resonance.hz"]
         if delay or lag or np.isfinite(hz):
-            out = self._filtered(out, delay, lag, hz, get("resonance.zeta", 0.05))
-        tare = 5.0 * get("tare.height_m", 0.0)
-        out = out + np.array([get("offset.fx_n", 0.0) + tare, get("offset.fz_n", 0.0)])
+            out = self._filtered(out, delay, lag, hz, values["resonance.zeta"])
+        tare = 5.0 * values["tare.height_m"]
+        out = out + np.array([values["offset.fx_n"] + tare, values["offset.fz_n"]])
         edge = round(EDGE_S * RATE_HZ)
         out[:edge] = out[len(out) - edge :] = np.nan
         return np.asarray(out)

@@ -6,6 +6,7 @@ import numpy as np
 
 from discrepancy.explanation import Adequacy, Evidence, Explanation, Spectrum, View
 from discrepancy.simulation import Channels, Effect, Parameter, Values
+from discrepancy.values import predicted
 from discrepancy.verdict import Cause, Gain, Quantity, Remainder, Signature, Verdict
 from messages.arrays import FloatArray
 
@@ -40,9 +41,9 @@ class Toy:
     def predicted(self, values: Values) -> FloatArray:
         """Return force and moment, (n, 2)."""
         t_s, acceleration = self.channels.t_s, self.channels.inputs[:, 0]
-        late = np.interp(t_s - values.get("force_delay.value_s", 0.0), t_s, acceleration)
-        force = values.get("mass_kg", MASS.neutral) * late
-        offsets = np.array([values.get(f"tare_error.{name}", 0.0) for name in NAMES])
+        late = np.interp(t_s - values["force_delay.value_s"], t_s, acceleration)
+        force = values["mass_kg"] * late
+        offsets = np.array([values[f"tare_error.{name}"] for name in NAMES])
         return np.asarray(np.column_stack((force, 0.3 * force)) + offsets, dtype=np.float64)
 
 
@@ -52,7 +53,7 @@ def toy(seed: int, seconds: float = 20.0) -> Toy:
     t_s = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
     acceleration = sum(np.sin(2.0 * np.pi * f_hz * t_s + random.uniform(0.0, 6.0)) for f_hz in (0.7, 2.1, 4.3))
     empty = Toy(Channels(t_s, np.zeros((len(t_s), 2)), NAMES, np.column_stack((acceleration,)), ("a_mps2",)))
-    measured = empty.predicted(TRUE) + 0.05 * random.standard_normal((len(t_s), 2))
+    measured = predicted(empty, TRUE) + 0.05 * random.standard_normal((len(t_s), 2))
     measured[100:105, 1] = np.nan
     return Toy(Channels(t_s, measured, NAMES, empty.channels.inputs, ("a_mps2",)))
 
@@ -63,7 +64,7 @@ TRUE = {"mass_kg": 2.2, "force_delay.value_s": 0.004}
 def explanation(held_out: Toy, *, named: bool = True) -> Explanation:
     """Return what a finder would tell: the delay, with the offset as a look-alike; or an unknown cause."""
     before, after = {"mass_kg": 2.19}, dict(TRUE) if named else {"mass_kg": 2.19}
-    base, extended = held_out.predicted(before), held_out.predicted(after)
+    base, extended = predicted(held_out, before), predicted(held_out, after)
     view = View(held_out.channels, base, extended, _spectrum(held_out.channels.values, base, extended))
     delay = Quantity(0.004, 0.0039, 0.0041, "s")
     cause = Cause(

@@ -38,7 +38,7 @@ def test_from_folders_to_a_verdict_and_a_model_that_simulates(
     out = tmp_path / "out"
     explain("platform", fit, "--held-out", held_out, "--out", out, "--no-report", "--json", tmp_path / "facts.json")
     printed = " ".join(capsys.readouterr().out.split())
-    assert "It leaves out force delay." in printed
+    assert "The simulation is missing: force delay." in printed
     assert "The force plate's samples arrive late. Shift the force channel back." in printed
     verdict = json.loads((out / "verdict.json").read_bytes())
     assert json.loads((tmp_path / "facts.json").read_bytes()) == verdict

@@ -84,9 +84,9 @@ def test_the_body_that_was_found_is_simulated(tmp_path: Path) -> None:
         ("effects.dropped_samples.held", "1", "effects.dropped_samples: the rig has no mechanism for it"),
         ("effects.magic.value", "1", "effects.magic: the rig has no mechanism for it"),
         ("effects.force_delay.value_s", "ms", 'effects.force_delay.value_s.unit is "ms"; expected "s"'),
-        ("effects.force_delay.late_s", "s", "effects.force_delay.late_s is unknown; expected value_s"),
+        ("effects.force_delay.late_s", "s", "effects.force_delay.late_s is unknown; the nearest known is value_s"),
         ("effects.tape_compliance.z_hz", "Hz", "effects are of a foot, and none is on the plate: add --foot"),
-        ("parameters.foot_mass_kg", "kg", "parameters.foot_mass_kg is unknown; expected plate_mass_kg"),
+        ("parameters.foot_mass_kg", "kg", "parameters.foot_mass_kg is unknown; the nearest known is plate_mass_kg"),
         ("parameters.plate_mx_kgm", "kg·m", "parameters.plate_my_kgm is missing"),
     ],
 )

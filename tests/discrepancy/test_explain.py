@@ -8,6 +8,7 @@ import pytest
 from discrepancy.explain import Explanation, explain
 from discrepancy.problem import Part
 from discrepancy.simulation import Effect, Parameter
+from discrepancy.values import predicted
 from discrepancy.verdict import Quantity, from_json, to_json
 from messages.errors import UserError
 from tests.bench.discrepancy_bench import EDGE_S, RATE_HZ, Path, Rig, coloured, forces, measured
@@ -220,14 +221,14 @@ def test_a_recording_too_short_is_refused() -> None:
 def test_neutral_values_are_the_base_model() -> None:
     fit, _ = rigs()
     edge = round(EDGE_S * RATE_HZ)
-    base = fit.predicted({})[edge:-edge]
+    base = predicted(fit, {})[edge:-edge]
     for effect in fit.effects:
         neutral = {effect.qualified(p.name): p.neutral for p in effect.parameters}
-        assert np.array_equal(fit.predicted(neutral)[edge:-edge], base)
+        assert np.array_equal(predicted(fit, neutral)[edge:-edge], base)
 
 
 def test_a_part_predicts_what_the_whole_does() -> None:
     fit, _ = rigs()
     part = Part(fit, 200, 400)
-    assert np.array_equal(part.predicted({"delay.value_s": 1e-3}), fit.predicted({"delay.value_s": 1e-3})[200:400])
+    assert np.array_equal(predicted(part, {"delay.value_s": 1e-3}), predicted(fit, {"delay.value_s": 1e-3})[200:400])
     assert np.array_equal(part.channels.values, fit.measured[200:400])

@@ -24,7 +24,7 @@ def test_the_belt_s_acceleration_is_named_and_beats_the_filter(trial: str, tmp_p
     lines = done.stdout.splitlines()
     r2 = {name: float(value) for name, value in re.findall(r"R² (.+) (-?\d\.\d+)$", done.stdout, re.MULTILINE)}
     causes = list(dict.fromkeys(re.findall(r"^  (\w+)\.", done.stdout, re.MULTILINE)))
-    assert lines[0].startswith("It leaves out belt acceleration")
+    assert lines[0].startswith("The simulation is missing: belt acceleration")
     assert causes == ["belt_acceleration", "roller_imbalance"]
     inertia, low, high = re.search(r"inertia_kgm: (\S+) \| (\S+) to (\S+) \| kg·m", done.stdout).groups()  # type: ignore[union-attr]
     assert 2.7 < float(low) < float(inertia) < float(high) < 3.0

@@ -11,7 +11,7 @@ import numpy as np
 from impedance.body.rigid_body import Inertia
 from impedance.recording.recording import PlatformRecording, Truth
 from messages.arrays import FloatArray
-from messages.errors import UserError
+from messages.errors import UserError, unknown_name
 from sim_rig.platform.extended.flaws import CHANNELS, Fields, combined
 from sim_rig.platform.extended.laboratory import Laboratory
 from sim_rig.platform.extended.plate_noise import PlateNoise
@@ -122,7 +122,7 @@ def _fields(effect: str, entries: Entries, where: str) -> Fields:
 def _checked(entries: Entries, units: Mapping[str, str], place: str) -> dict[str, float]:
     for name, (_, unit) in entries.items():
         if name not in units:
-            raise UserError(f"{place}.{name} is unknown; expected {', '.join(units)}")
+            raise unknown_name(f"{place}.{name}", name, units)
         if unit != units[name]:
             raise UserError(f'{place}.{name}.unit is "{unit}"; expected "{units[name]}"')
     return {name: value for name, (value, _) in entries.items()}

@@ -10,6 +10,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
+from discrepancy.values import predicted
 from lab.hidden.case import Case, Kind
 from lab.hidden.wearable import EFFECTS, LOOK_ALIKES, OUTSIDE, PAIRS, SIZES
 from lab.hidden.wearable.physics import hidden
@@ -84,16 +85,16 @@ def test_neutral_values_are_the_base_model_and_prediction_is_pure(simulation: We
         for effect in simulation.effects
         for parameter in effect.parameters
     }
-    assert simulation.predicted(neutral).tobytes() == simulation.predicted({}).tobytes()
+    assert predicted(simulation, neutral).tobytes() == predicted(simulation, {}).tobytes()
     bent = {"toe_in.y_rad": 1e-3, "time_offset.value_s": 2e-3}
-    assert simulation.predicted(bent).tobytes() == simulation.predicted(bent).tobytes()
+    assert predicted(simulation, bent).tobytes() == predicted(simulation, bent).tobytes()
 
 
 def test_sound_recording_leaves_hardly_a_residual(simulation: WearableSimulation) -> None:
     channels = simulation.channels
     assert len(channels.t_s) == FRAMES
     assert channels.rate_hz == pytest.approx(20.0, rel=1e-6)
-    residual = channels.values - simulation.predicted({})
+    residual = channels.values - predicted(simulation, {})
     rms = dict(zip(channels.names, np.sqrt(np.nanmean(residual**2, axis=0)), strict=True))
     assert all(value < 0.03 for name, value in rms.items() if name.startswith("disparity"))
     assert rms["disparity_xx_px"] < 0.01
@@ -101,12 +102,12 @@ def test_sound_recording_leaves_hardly_a_residual(simulation: WearableSimulation
 
 
 def test_every_effect_changes_the_prediction_and_stays_finite(simulation: WearableSimulation) -> None:
-    base = simulation.predicted({})
+    base = predicted(simulation, {})
     for effect in simulation.effects:
         start = effect.starts[0] if effect.starts else {}
         values = {p.name: start.get(p.name, p.neutral) for p in effect.parameters}
         values |= {p.name: p.neutral + 10.0 * p.scale for p in effect.parameters if p.name not in start}
-        there = simulation.predicted({effect.qualified(name): value for name, value in values.items()})
+        there = predicted(simulation, {effect.qualified(name): value for name, value in values.items()})
         assert np.isfinite(there[np.isfinite(base)]).all(), effect.name
         assert np.nanmax(np.abs(there - base)) > 1e-4, effect.name
 
@@ -119,7 +120,7 @@ def test_turned_ground_is_that_of_a_turned_camera() -> None:
 
 @pytest.mark.parametrize(("share", "column"), [(0.01, 0), (-0.02, 3), (0.03, 5)])
 def test_baseline_error_stretches_every_disparity(simulation: WearableSimulation, share: float, column: int) -> None:
-    change = simulation.predicted({"baseline_error.share": share}) - simulation.predicted({})
+    change = predicted(simulation, {"baseline_error.share": share}) - predicted(simulation, {})
     ground = simulation._operator[FRAMES // 2] @ simulation._scene.disparity_px[FRAMES // 2]
     assert change[FRAMES // 2, column] == pytest.approx(share * ground[column], rel=1e-6)
 

@@ -1,0 +1,152 @@
+"""All that was decided about a recording, put into the words and numbers of an explanation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from discrepancy.evidence.signature import nothing_left, signature
+from discrepancy.evidence.whitening import whitening
+from discrepancy.explanation import Evidence, Explanation, Status
+from discrepancy.judgement import Judgement, Models, Recordings
+from discrepancy.problem import Problem
+from discrepancy.search.fit import Fit, Intervals
+from discrepancy.search.scores import PENALTY, probability, threshold
+from discrepancy.search.search import Found
+from discrepancy.verdict import Cause, Quantity, Remainder, Verdict, number
+
+
+@dataclass(frozen=True)
+class Alternatives:
+    """By how much χ² rises, by cause: without it, with each effect in its place that fits `as_good`, and with the best
+    `rival` that does not, where one came near.
+    """
+
+    rise: dict[str, float]
+    as_good: dict[str, dict[str, float]]
+    rival: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Findings:
+    """One recording explained: what the search found, the models kept, how they were judged, and what could stand in.
+
+    `notes` are for a person, `seed` drew the bootstrap.
+    """
+
+    recordings: Recordings
+    found: Found
+    models: Models
+    judgement: Judgement
+    alternatives: Alternatives
+    notes: tuple[str, ...]
+    seed: int
+
+    def explanation(self) -> Explanation:
+        """Return the explanation."""
+        problem, models, judgement = self.recordings.fit, self.models, self.judgement
+        causes = self._causes()
+        return Explanation(
+            verdict=self._verdict(causes),
+            fit=judgement.fit,
+            held_out=judgement.held_out,
+            held_out_is_own=self.recordings.held_out_is_own,
+            evidence=_evidence(self.found, causes),
+            before=judgement.before,
+            after=judgement.after,
+            values_before=dict(problem.completed(models.base.values)),
+            values_after=dict(problem.completed(models.extended.values)),
+            quantities_after=_quantities(problem, models.extended, models.extended_intervals, models.extended.keys),
+            causes=tuple(problem.effects[cause.name] for cause in causes),
+            rivals={name: problem.effects[name] for cause in causes for name in cause.equivalents},
+            notes=self.notes,
+            seed=self.seed,
+        )
+
+    def _verdict(self, causes: list[Cause]) -> Verdict:
+        problem, models, judgement = self.recordings.fit, self.models, self.judgement
+        present = not judgement.after.adequate
+        return Verdict(
+            system=problem.simulation.system,
+            verdict="named" if causes else "unknown" if present else "nothing",
+            causes=causes,
+            remainder=self._remainder() if present else Remainder(False, 0.0, nothing_left()),
+            gain=judgement.gain,
+            parameters_before=_quantities(problem, models.base, models.base_intervals, problem.base),
+            parameters_after=_quantities(problem, models.extended, models.extended_intervals, problem.base),
+            next_experiment=self._next_experiment(causes),
+        )
+
+    def _remainder(self) -> Remainder:
+        """Return what the extended model still misses."""
+        problem, removed = self.recordings.fit, self.judgement.gain.share_of_excess_removed
+        white = whitening(self.models.extended.residual, problem.valid)
+        return Remainder(
+            present=True,
+            share=1.0 - min(max(removed, 0.0), 1.0) if removed is not None else None,
+            signature=signature(problem, white, self.judgement.structured_after.signal),
+        )
+
+    def _causes(self) -> list[Cause]:
+        """Return the causes, the one first whose loss raises χ² most."""
+        problem, models, alternatives = self.recordings.fit, self.models, self.alternatives
+        chance = self.found.chance
+        out = []
+        for name, rise in alternatives.rise.items():
+            keys = [key for key in models.extended.keys if key.split(".")[0] == name]
+            quantities = _quantities(problem, models.extended, models.extended_intervals, keys)
+            as_good = alternatives.as_good.get(name, {})
+            evidence = {
+                "chi2": number(rise),
+                "parameters": float(len(keys)),
+                "threshold": number(threshold(chance) + PENALTY * len(keys)),
+                "chance": number(probability(chance, rise - PENALTY * len(keys))),
+                "rival_chi2": number(alternatives.rival.get(name, float("nan"))),
+                **{f"worse_by.{each}": number(worse) for each, worse in as_good.items()},
+            }
+            short = {key.split(".", 1)[1]: value for key, value in quantities.items()}
+            out.append((rise, Cause(name, short, evidence, list(as_good))))
+        return [cause for _, cause in sorted(out, key=lambda each: -each[0])]
+
+    def _next_experiment(self, causes: Sequence[Cause]) -> str | None:
+        """Return what to measure next: what separates the look-alikes, or what would show the unknown cause."""
+        for cause in causes:
+            if cause.equivalents:
+                return self.recordings.fit.effects[cause.name].experiment
+        if not self.judgement.after.adequate:
+            where = "; ".join(self.judgement.after.reasons)
+            return f"Repeat with one input moving at a time, at half and at twice the amplitude: {where}."
+        return None
+
+
+def _quantities(problem: Problem, fit: Fit, found: Intervals, keys: Sequence[str]) -> dict[str, Quantity]:
+    out = {}
+    for key in keys:
+        low, high = found.of(key)
+        out[key] = Quantity(number(fit.values[key]), number(low), number(high), problem.parameters[key].unit)
+    return out
+
+
+def _evidence(found: Found, causes: Sequence[Cause]) -> tuple[Evidence, ...]:
+    names = [cause.name for cause in causes]
+    same = {name for cause in causes for name in cause.equivalents}
+    least = threshold(found.chance)
+    out = []
+    for single in found.singles:
+        each = single.candidate
+        price = PENALTY * len(each.keys)
+        status: Status = "accepted" if each.effect in names else "equivalent" if each.effect in same else "rejected"
+        values = single.fit.values if single.fit is not None else each.start
+        out.append(
+            Evidence(
+                effect=each.effect,
+                choice=each.choice,
+                chi2=single.drop,
+                threshold=least + price,
+                chance=probability(found.chance, single.drop - price),
+                refitted=single.fit is not None,
+                status=status,
+                parameters={
+                    name: values[key] for name, key in zip(each.choice, each.keys, strict=True) if key in values
+                },
+            )
+        )
+    return tuple(out)
