@@ -68,7 +68,7 @@ def zed(
     )
     if into is None:
         console.print(
-            "IMU and mounting have nominal values: calibrate them before anybody walks with this unit.", soft_wrap=True
+            "IMU and mounting are nominal: calibrate them before anybody walks with this unit.", soft_wrap=True
         )
     if json is not None:
         write_json(json, {"file": str(out), "id": made.id, "calibration": made})

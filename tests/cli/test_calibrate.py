@@ -26,7 +26,7 @@ def test_factory_values_alone_make_a_file_that_says_what_is_nominal(
     made = load_calibration(out)
     assert made.unit == "SN1234 HD, rest nominal"
     assert json.loads(facts.read_bytes())["id"] == made.id
-    assert "calibrate them before anybody walks on this unit" in capsys.readouterr().out
+    assert "calibrate them before anybody walks with this unit" in capsys.readouterr().out
 
     with pytest.raises(UserError, match=r"new\.yaml: exists already; name another file, or change this one with"):
         calibrate_zed(zed, "--out", out)
