@@ -16,13 +16,17 @@ RULES := $(DESTDIR)$(PREFIX)/lib/udev/rules.d/70-gaiteyes.rules
 SYSUSERS := $(DESTDIR)$(PREFIX)/lib/sysusers.d/gaiteyes.conf
 README := $(DESTDIR)$(PREFIX)/share/doc/gaiteyes/README.md
 
-.PHONY: run test test-kernel check lint types floors format lock clean install install-house install-files uninstall
+.PHONY: run test test-processors test-kernel check lint types floors format lock clean install install-house install-files uninstall
 
 run: $(INSTALLED)
 	$(BIN)/gaiteyes demo --seconds $(SECONDS)
 
 test: $(INSTALLED)
 	$(BIN)/python -m pytest
+
+# The numerical tests with the linear algebra of other processors, and with one and two threads.
+test-processors: $(INSTALLED)
+	$(BIN)/python -m tests.processors $(ARGS)
 
 # The drivers and the service on a real kernel, in an emulated machine: Debian, as root; says so where it cannot run.
 test-kernel: $(INSTALLED)
