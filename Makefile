@@ -17,7 +17,7 @@ RULES := $(DESTDIR)$(PREFIX)/lib/udev/rules.d/70-gaiteyes.rules
 SYSUSERS := $(DESTDIR)$(PREFIX)/lib/sysusers.d/gaiteyes.conf
 README := $(DESTDIR)$(PREFIX)/share/doc/gaiteyes/README.md
 
-.PHONY: run test test-hidden test-kernel check lint types contracts format lock clean install install-house install-files uninstall
+.PHONY: run test test-hidden test-processors test-kernel check lint types contracts format lock clean install install-house install-files uninstall
 
 run: $(INSTALLED)
 	$(BIN)/gaiteyes demo --seconds $(SECONDS)
@@ -32,6 +32,10 @@ test: $(INSTALLED)
 # Effects hidden anew in every run and counted; ARGS="--hidden-seed N" draws an earlier run's again.
 test-hidden: $(INSTALLED)
 	$(BIN)/python -m pytest -m hidden tests/hidden $(ARGS)
+
+# The numerical tests with the linear algebra of other processors, and with one and two threads.
+test-processors: $(INSTALLED)
+	$(BIN)/python -m tests.processors $(ARGS)
 
 # The drivers and the service on a real kernel, in an emulated machine: Debian, as root; says so where it cannot run.
 test-kernel: $(INSTALLED)

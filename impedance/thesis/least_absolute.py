@@ -9,8 +9,11 @@ and Newton's step of it, with D = diag(1 / (z / u + w / s)), is a weighted least
 b has, whatever the number of rows (Portnoy and Koenker, The Gaussian Hare and the Laplacian Tortoise, Statistical
 Science 12, 1997; predictor and corrector after Mehrotra, SIAM Journal on Optimization 2, 1992). The cost is linear in
 the rows, and the gap between the two programmes bounds how far the result is from the minimum.
+
+Where ties leave the minimiser free along a direction, only rows of vanishing D hold it; see `_weighted_squares`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -22,6 +25,7 @@ from messages.arrays import FloatArray
 _MOST_STEPS: Final = 100
 _DEPENDENT: Final = 1e-12  # what a column adds to those before it, of its length
 _STEP_SHARE: Final = 0.9995  # of the way to the nearest bound
+_HELD: Final = 1e-8  # what a column must add to those before it in QᵀDQ, of its square, for steps good to 8 digits
 
 
 @dataclass(frozen=True)
@@ -87,13 +91,13 @@ class _CentralPath:
         """Take one step: a predictor for μ = 0, then its corrector for the μ that it makes reachable."""
         Q, u, s, z, w = self.Q, self.u, self.s, self.z, self.w
         D = 1.0 / (z / u + w / s)
-        gram = _factored(Q, D)
+        solve = _weighted_squares(Q, D)
         missing = self.target - Q.T @ u
 
         def newton(uz: FloatArray | float, sw: FloatArray | float) -> tuple[FloatArray, ...]:
             """Return the step of c, u, z, w after which u z and s w are, to first order, what is asked."""
             pull = self.r + uz / u - sw / s
-            dc = scipy.linalg.cho_solve(gram, Q.T @ (D * pull) - missing)
+            dc = solve(pull, missing)
             du = D * (pull - Q @ dc)
             return dc, du, (uz - z * du) / u - z, (sw + w * du) / s - w
 
@@ -109,15 +113,35 @@ class _CentralPath:
         self.r = self.y - Q @ self.c
 
 
-def _factored(Q: FloatArray, D: FloatArray) -> tuple[FloatArray, bool]:
-    """Return the triangle R with RᵀR = Qᵀ D Q, and that it is not a lower one.
+def _weighted_squares(Q: FloatArray, D: FloatArray) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """Return the c of QᵀDQ c = QᵀD pull − missing as a function of `pull` (n,) and `missing` (k,).
 
-    Close to the minimum D spans so many decades that the product loses what the triangle of √D Q still holds.
+    A direction that only small weights hold is lost in the sums of QᵀDQ, and rounding alone then decides whether they
+    have a Cholesky factor. So the factor is used where each pivot stands clear of rounding. Elsewhere √D Q = H R, rows
+    sorted by weight and columns pivoted, whose solution for `missing` = 0 is as exact as with the best scaled weights,
+    over however many decades they span (Cox and Higham, Stability of Householder QR Factorization for Weighted Least
+    Squares Problems, 1998). Rows in another order, or Rᵀ R c = QᵀD pull, lose every digit.
     """
+    gram = (Q * D[:, None]).T @ Q
     try:
-        return scipy.linalg.cholesky((Q * D[:, None]).T @ Q), False
+        triangle = scipy.linalg.cholesky(gram)
     except scipy.linalg.LinAlgError:
-        return np.linalg.qr(Q * np.sqrt(D)[:, None]).R, False
+        pass
+    else:
+        if np.all(np.diag(triangle) ** 2 >= _HELD * np.diag(gram)):
+            return lambda pull, missing: scipy.linalg.cho_solve((triangle, False), Q.T @ (D * pull) - missing)
+
+    heavy_first = np.argsort(-D, kind="stable")
+    root = np.sqrt(D[heavy_first])
+    H, R, order = scipy.linalg.qr(root[:, None] * Q[heavy_first], mode="economic", pivoting=True)
+
+    def solve(pull: FloatArray, missing: FloatArray) -> FloatArray:
+        c = np.empty(len(order))
+        held = H.T @ (root * pull[heavy_first]) - scipy.linalg.solve_triangular(R, missing[order], trans="T")
+        c[order] = scipy.linalg.solve_triangular(R, held)
+        return c
+
+    return solve
 
 
 def _reach(u: FloatArray, s: FloatArray, du: FloatArray) -> float:

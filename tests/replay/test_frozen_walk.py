@@ -1,0 +1,52 @@
+"""One simulated walk: what the pipeline makes of it changes openly or not at all."""
+
+import json
+from collections import Counter
+
+import cv2
+import pytest
+
+from messages import Calibration, Input
+from tests.replay.freeze import deviations, frozen, frozen_walk, replayed
+
+_CV_CPU_AVX2 = 11  # OpenCV's number of the instruction set, which its Python module does not name
+
+# Between OpenBLAS's kernels for Haswell, Zen, SkylakeX and Sandybridge, with one and two threads, with and without
+# numpy's AVX-512, every field stays within 1e-10 of its standard deviation or unit. Where OpenCV has no AVX2 it rounds
+# pixels in another way: the ground moves by up to 2 % of its standard deviation, its covariance by up to 9 %.
+_MOST = 1e-6
+_MOST_WITH_OTHER_PIXELS = 0.3
+
+
+@pytest.fixture(scope="module")
+def walk() -> tuple[Calibration, list[Input]]:
+    return frozen_walk()
+
+
+@pytest.fixture(scope="module")
+def replay(walk: tuple[Calibration, list[Input]]) -> bytes:
+    return replayed(*walk)
+
+
+def test_the_walk_is_replayed_as_it_was_frozen(replay: bytes) -> None:
+    pixels_are_ours = cv2.checkHardwareSupport(_CV_CPU_AVX2)
+    for field, most in deviations(replay, frozen()).items():
+        allowed = _MOST if pixels_are_ours or not field.startswith("ground.") else _MOST_WITH_OTHER_PIXELS
+        assert most <= allowed, f"{field} differs; if it is meant to: python -m tests.replay.freeze --write"
+
+
+def test_two_replays_give_the_same_bytes(walk: tuple[Calibration, list[Input]], replay: bytes) -> None:
+    assert replayed(*walk) == replay
+
+
+def test_estimates_name_their_calibration(walk: tuple[Calibration, list[Input]], replay: bytes) -> None:
+    assert {json.loads(line)["calibration_id"] for line in replay.splitlines()} == {walk[0].id}
+
+
+def test_the_frozen_walk_has_a_start_two_slopes_and_both_silences() -> None:
+    lines = [json.loads(line) for line in frozen().splitlines()]
+    grounds = [line for line in lines if line["topic"] == "ground"]
+    valid = [line["slope_sagittal_rad"] for line in grounds if line["status"] == "valid"]
+    assert sum(abs(slope) < 0.02 for slope in valid) > 15
+    assert sum(abs(slope - 0.087) < 0.02 for slope in valid) > 5
+    assert {"starting", "no_frame", "no_imu"} <= Counter(line["reason"] for line in grounds).keys()
