@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from daemon.pipeline import Pipeline
-from lab.faults.judgement import tilt_error_rad
+from lab.faults.criteria import tilt_error_rad
 from messages import Attitude, Frame, GroundTruth, ImuSample, Status
 from perception.ground.foothold import FootholdSettings
 from sim_rig.camera.shutter import Shutter

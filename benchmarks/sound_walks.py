@@ -3,7 +3,7 @@
     python -m benchmarks.sound_walks [--seeds 31-35] [--scenario mixed] [--seconds 60]
 
 The whole pipeline, faster than real time, on units of the rig with the calibration that they would have. Wrong is what
-`lab.faults.judgement` calls so; a transition is a frame with an edge of the ground inside the foothold region.
+`lab.faults.criteria` calls so; a transition is a frame with an edge of the ground inside the foothold region.
 """
 
 import argparse
@@ -13,7 +13,7 @@ from multiprocessing import Pool
 import cv2
 
 from daemon.pipeline import Pipeline
-from lab.faults.judgement import errors_of, flags
+from lab.faults.criteria import errors_of, flags
 from messages import GroundPlane, Status
 from perception.ground.foothold import FootholdSettings
 from sim_rig.walk.scenario import scenario
