@@ -274,8 +274,8 @@ def _method(explanation: Explanation) -> str:
     return (
         "<h2>How this was decided</h2>\n<p>The simulation is fitted, and what it leaves (the residual) is "
         "filtered so that its noise is alike at all frequencies. Each candidate is scored, the best are fitted "
-        "together; one is kept only if noise alone would not do as well for any of them, and named only if it removes at "
-        "least half of the error above the noise on the held-out recording, which no parameter was fitted to.</p>\n"
+        "together; one is kept only if noise alone would not do as well for any of them, and named only if it removes "
+        "at least half of the error above the noise on the held-out recording, which no parameter was fitted to.</p>\n"
         f"{notes}<p class='soft'>Seed of the bootstrap: {explanation.seed}. The "
         "same facts for a program: verdict.json; every gain can be recomputed from held_out.csv; extended.toml holds "
         "the extended model.</p>"
