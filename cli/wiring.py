@@ -16,8 +16,9 @@ from daemon.publish_can import CanPublisher
 from daemon.publish_zenoh import ZenohPublisher
 from daemon.recorder import Recorder, RecordingInfo
 from daemon.service import Background, Devices, Service
-from daemon.stamping import Stamper, read_boot_id
+from daemon.stamping import Stamper
 from daemon.summary import RunSummary
+from drivers.boot_id import read_boot_id
 from drivers.can.link import CanLink
 from drivers.protocols import FrameSource, ImuSource
 from messages import Source, UnitCalibration, UserError

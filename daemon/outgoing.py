@@ -6,9 +6,9 @@ from typing import Protocol
 
 from daemon.latency import FrameTimes, LatencyLog
 from daemon.recorder import Recorder
-from daemon.stamping import Stamper, capture_ns
+from daemon.stamping import Stamper
 from daemon.watch import GroundWatch
-from messages import Attitude, Estimate, FrameHeader, GroundPlane, Health, Reason, Stamp, Status
+from messages import Attitude, Estimate, FrameHeader, GroundPlane, Health, Reason, Stamp, Status, capture_ns
 
 STALE_NS = 140_000_000
 """From exposure, or sample, to here. What took longer is published as late, not valid: the wearer has moved on.

@@ -1,22 +1,6 @@
 """The stamp a published estimate carries, made once for all publishers."""
 
-from pathlib import Path
-
-from messages import TOPIC_OF, Attitude, Estimate, GroundPlane, Source, Stamp
-
-_BOOT_ID_FILE = Path("/proc/sys/kernel/random/boot_id")
-
-
-def read_boot_id(file: Path = _BOOT_ID_FILE) -> str:
-    """Return the identity of this run of the kernel: monotonic times compare only between equal ones."""
-    return file.read_text(encoding="ascii").strip()
-
-
-def capture_ns(estimate: Estimate) -> int:
-    """Return the CLOCK_MONOTONIC instant for which `estimate` stands."""
-    if isinstance(estimate, GroundPlane):
-        return estimate.t_exposure_ns
-    return estimate.t_sample_ns if isinstance(estimate, Attitude) else estimate.t_ns
+from messages import TOPIC_OF, Estimate, Source, Stamp, capture_ns
 
 
 class Stamper:

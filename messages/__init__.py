@@ -26,6 +26,7 @@ from messages.estimates import (
     Source,
     Stamp,
     Status,
+    capture_ns,
     upper_triangle,
 )
 from messages.inputs import (
@@ -50,6 +51,7 @@ from messages.inputs import (
     Tick,
     Vec3,
 )
+from messages.refusal import Refusal
 from messages.topics import TOPIC_OF, TOPICS, DropRule, Topic
 
 __all__ = [
@@ -90,6 +92,7 @@ __all__ = [
     "Quaternion",
     "Reason",
     "Reconfigured",
+    "Refusal",
     "Residual",
     "ServiceError",
     "Source",
@@ -102,6 +105,7 @@ __all__ = [
     "UnitCalibration",
     "UserError",
     "Vec3",
+    "capture_ns",
     "matrix3",
     "upper_triangle",
     "vec3",

@@ -4,7 +4,6 @@ It is the reference for a microcontroller's own code, which gets its codec from 
 and everything else from the comments and attributes of `gaiteyes.dbc`.
 """
 
-import enum
 import math
 
 import msgspec
@@ -12,28 +11,11 @@ import msgspec
 from messages.can_frames import CanMessage, Fields, can_id, decode, profile
 from messages.e2e import E2eCheck, E2eReceiver
 from messages.estimates import Reason, Source, Status
+from messages.refusal import Refusal
 from messages.topics import TOPICS
 
 MAX_TOLD_AGE_S = 0.254
 MIN_SPACING_CYCLES = 0.25
-
-
-class Refusal(str, enum.Enum):
-    """Why a frame, or the pair it completes, gives nothing to act on."""
-
-    OTHER_MESSAGE = "other_message"  # neither GROUND nor GROUND_QUALITY
-    FIRST_HALF = "first_half"  # GROUND is in; GROUND_QUALITY has yet to come
-    WRONG_LENGTH = "wrong_length"
-    WRONG_CRC = "wrong_crc"
-    INITIAL = "initial"  # the first frame of this message, or the first after a silence: no sequence yet
-    REPEATED = "repeated"  # the counter stood still
-    WRONG_SEQUENCE = "wrong_sequence"  # the counter jumped
-    TOO_SOON = "too_soon"  # on the heels of another: it waited in a queue, so its age is not to be believed
-    FRAME_MISMATCH = "frame_mismatch"  # the halves belong to different estimates, or the first one is missing
-    NOT_LIVE = "not_live"  # replayed or simulated
-    NOT_VALID = "not_valid"  # `GroundReceiver.reason` tells why
-    NOT_AVAILABLE = "not_available"  # called valid, but a number is missing
-    STALE = "stale"  # older than the limit, or of unknown age
 
 
 class ReceivedGround(msgspec.Struct, frozen=True, kw_only=True):

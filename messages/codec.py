@@ -37,6 +37,19 @@ def decode(data: bytes | str, message: type[M]) -> M:
     return msgspec.convert(_null_to_nan(msgspec.json.decode(data)), message)
 
 
+def decode_line(data: bytes | str, message: type[M]) -> tuple[str, M, Stamp]:
+    """Return what `encode_line` wrote of a published estimate: the topic's name, the `message` and its stamp.
+
+    Raises msgspec.ValidationError, naming the field, where `data` does not fit; unknown keys are ignored.
+    """
+    fields = _null_to_nan(msgspec.json.decode(data))
+    return msgspec.convert(fields, _Line).topic, msgspec.convert(fields, message), msgspec.convert(fields, Stamp)
+
+
+class _Line(msgspec.Struct):
+    topic: str
+
+
 def _null_to_nan(value: Any) -> Any:
     if value is None:
         return float("nan")

@@ -184,6 +184,13 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
 Estimate = Attitude | GroundPlane | Health
 
 
+def capture_ns(estimate: Estimate) -> int:
+    """Return the CLOCK_MONOTONIC instant for which `estimate` stands."""
+    if isinstance(estimate, GroundPlane):
+        return estimate.t_exposure_ns
+    return estimate.t_sample_ns if isinstance(estimate, Attitude) else estimate.t_ns
+
+
 class Source(str, enum.Enum):
     """Where the data came from. A prosthesis acts on LIVE only."""
 

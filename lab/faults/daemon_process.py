@@ -23,7 +23,8 @@ from daemon.publish_can import CanPublisher
 from daemon.publish_zenoh import ZenohPublisher
 from daemon.recorder import Recorder, RecordingInfo
 from daemon.service import Devices, Service
-from daemon.stamping import Stamper, read_boot_id
+from daemon.stamping import Stamper
+from drivers.boot_id import read_boot_id
 from drivers.camera.side_by_side import V4l2StereoCamera
 from drivers.can.link import CanLink
 from drivers.can.settings import CanSettings

@@ -10,8 +10,8 @@ from mcap.reader import make_reader
 from daemon.latency import LatencyLog
 from daemon.outgoing import STALE_NS, Outgoing, withdrawn_if_late
 from daemon.recorder import Recorder, RecordingInfo
-from daemon.stamping import Stamper, capture_ns
-from messages import Attitude, Estimate, FrameHeader, GroundPlane, Reason, Source, Stamp, Status
+from daemon.stamping import Stamper
+from messages import Attitude, Estimate, FrameHeader, GroundPlane, Reason, Source, Stamp, Status, capture_ns
 from messages.codec import decode
 from tests.bench.can_samples import attitude, ground, health, invalid_ground
 

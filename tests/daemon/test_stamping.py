@@ -1,10 +1,8 @@
 """Each topic is numbered by itself, and an age runs from the capture of the data to its publishing."""
 
-from pathlib import Path
-
 import pytest
 
-from daemon.stamping import Stamper, read_boot_id
+from daemon.stamping import Stamper
 from messages import Estimate, Source
 from tests.bench.can_samples import ground, health
 
@@ -22,8 +20,3 @@ def test_the_age_runs_from_the_capture() -> None:
     assert stamper.stamp(health(t_ns=2_000_000_000), 2_001_000_000).age_s == pytest.approx(0.001)
     assert (sealed.device, sealed.boot_id, sealed.source) == ("unit-1", "boot", Source.SIMULATED)
     assert sealed.t_publish_ns == 1_085_000_000
-
-
-def test_the_boot_id_is_read_without_its_line_end(tmp_path: Path) -> None:
-    (tmp_path / "boot_id").write_text("2b1c-77\n")
-    assert read_boot_id(tmp_path / "boot_id") == "2b1c-77"

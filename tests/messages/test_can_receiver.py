@@ -4,8 +4,9 @@ import pytest
 
 from messages import GroundPlane, Reason, Source, Stamp
 from messages.can_frames import CanEncoder, CanFrame, CanMessage, can_id, profile
-from messages.can_receiver import GroundReceiver, ReceivedGround, Refusal
+from messages.can_receiver import GroundReceiver, ReceivedGround
 from messages.e2e import counter_of
+from messages.refusal import Refusal
 from tests.bench.can_samples import ground, health, invalid_ground, stamp
 
 CYCLE_NS = 50_000_000

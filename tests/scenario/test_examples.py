@@ -15,7 +15,8 @@ import pytest
 from daemon.config import ZenohSettings
 from daemon.publish_can import CanPublisher
 from daemon.publish_zenoh import ZenohPublisher
-from daemon.stamping import Stamper, read_boot_id
+from daemon.stamping import Stamper
+from drivers.boot_id import read_boot_id
 from drivers.can.link import CanLink
 from drivers.can.settings import CanInterface, CanSettings
 from drivers.protocols import DeviceError

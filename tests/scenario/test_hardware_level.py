@@ -10,7 +10,8 @@ import pytest
 from daemon.pipeline import Pipeline
 from daemon.publish_can import CanPublisher
 from daemon.service import Devices, Service
-from daemon.stamping import Stamper, read_boot_id
+from daemon.stamping import Stamper
+from drivers.boot_id import read_boot_id
 from drivers.camera.side_by_side import V4l2StereoCamera
 from drivers.camera.v4l2_device import LinuxKernel
 from drivers.can.link import CanLink
@@ -18,7 +19,8 @@ from drivers.can.settings import CanInterface, CanSettings
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
 from messages import Reason, Source
-from messages.can_receiver import GroundReceiver, ReceivedGround, Refusal
+from messages.can_receiver import GroundReceiver, ReceivedGround
+from messages.refusal import Refusal
 from perception.ground.foothold import FootholdSettings
 from sim_rig.camera.v4l2_node import V4l2Node
 from sim_rig.walk.scenario import scenario
