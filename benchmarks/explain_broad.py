@@ -8,7 +8,7 @@ import argparse
 
 import numpy as np
 
-from discrepancy.explain import explain
+from discrepancy import explain
 from discrepancy.explanation import Explanation
 from lab.evaluation.measured.broad_recordings import simulation_of, stretch, trial
 from lab.evaluation.measured.data_folder import data_folder

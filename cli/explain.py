@@ -43,8 +43,8 @@ def _command(system: str) -> Callable[..., None]:
         json: Annotated[Path | None, typer.Option("--json", help="Write the verdict into this file too.")] = None,
     ) -> None:
         from cli.console import check_writable, console
-        from discrepancy.explain import explain as explained
-        from discrepancy.report.output import check_report, write
+        from discrepancy import explain as explained
+        from discrepancy.report.output import check_report, write_report
         from discrepancy.restricted import check_names
         from discrepancy.restricted import without as restricted
         from discrepancy.verdict import to_json
@@ -61,7 +61,7 @@ def _command(system: str) -> Callable[..., None]:
             status.update("searching for effects that the simulation lacks")
             explanation = explained(restricted(fit, left_out), other, seed=seed, only=tried)
             status.update("writing the results")
-            write(explanation, out, report=report)
+            write_report(explanation, out, report=report)
         if json is not None:
             _write(json, to_json(explanation.verdict))
         _print(explanation)

@@ -18,10 +18,10 @@ def replay(
     import cv2
 
     from cli.console import check_writable, console, floor_table, score_table, table, write_json
-    from cli.sources import open_source
     from daemon import replay as replaying
     from daemon.config import load_configuration
     from daemon.pipeline import Pipeline
+    from daemon.replay_source import open_source
     from lab.evaluation.floor import score_floor
     from lab.evaluation.score import Scoreboard
     from messages import Frame, Status

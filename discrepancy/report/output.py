@@ -22,7 +22,7 @@ def check_report() -> None:
         raise UserError(f"{REPORT} needs matplotlib: pip install 'gaiteyes[lab]', or leave it out with --no-report")
 
 
-def write(explanation: Explanation, folder: Path, *, report: bool = True) -> None:
+def write_report(explanation: Explanation, folder: Path, *, report: bool = True) -> None:
     """Write all files into `folder`, which is made; raises UserError where it cannot."""
     view = explanation.held_out
     files = {

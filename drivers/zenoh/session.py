@@ -5,14 +5,14 @@ import re
 
 import zenoh
 
-from drivers.protocols import DeviceError
+from messages import UserError
 
 
 def open_client(endpoint: str) -> zenoh.Session:
     """Return a session with the one service that listens on `endpoint`, as in tcp/127.0.0.1:7447.
 
     It looks for nobody else (no multicast), and finds the service again by itself when that was restarted. Raises
-    DeviceError, in one line, if nobody answers there or `endpoint` is none.
+    UserError, in one line, if nobody answers there or `endpoint` is none.
     """
     config = zenoh.Config()
     entries = {"mode": "client", "connect/endpoints": [endpoint], "scouting/multicast/enabled": False}
@@ -21,7 +21,7 @@ def open_client(endpoint: str) -> zenoh.Session:
             config.insert_json5(key, json.dumps(value))
         return zenoh.open(config)
     except zenoh.ZError as error:
-        raise DeviceError(f"Zenoh: cannot connect to {endpoint}: {_reason(error)}") from error
+        raise UserError(f"Zenoh: cannot connect to {endpoint}: {_reason(error)}") from error
 
 
 def _reason(error: zenoh.ZError) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from discrepancy.explain import explain
+from discrepancy import explain
 from lab.evaluation.measured.broad_recordings import simulation_of, stretch, trial
 from systems.imu.broad import import_trial
 from systems.imu.recording import ImuRecording

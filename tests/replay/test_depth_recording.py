@@ -11,11 +11,11 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from calib.files import format_calibration
-from cli.sources import open_source
 from daemon.pipeline import Pipeline
 from daemon.recorder import Recorder
 from daemon.recording_file import Recordable
 from daemon.replay import replay
+from daemon.replay_source import open_source
 from drivers.camera.frame_pool import PixelPool
 from drivers.protocols import DeviceError
 from drivers.recording.recording import DEPTH_IMAGE, McapRecording

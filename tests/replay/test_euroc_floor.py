@@ -3,9 +3,9 @@
 import json
 from pathlib import Path
 
-from cli.sources import open_source
 from daemon.pipeline import Pipeline
 from daemon.replay import replay
+from daemon.replay_source import open_source
 from lab.evaluation.floor import score_floor
 from messages import Status, StereoFrame
 from tests.bench.data_folder import shared_data

@@ -12,7 +12,7 @@ import pytest
 
 from discrepancy.report import output
 from discrepancy.report.extended import extended_text, load_extended
-from discrepancy.report.output import beside_text, write
+from discrepancy.report.output import beside_text, write_report
 from discrepancy.report.wording import number_text, quantity_text, share_text
 from discrepancy.restricted import check_names, without
 from discrepancy.values import predicted
@@ -24,7 +24,7 @@ from tests.bench.explained import NAMES, TRUE, explanation, toy
 def test_verdict_and_model_come_back_as_they_were(tmp_path: Path) -> None:
     held_out = toy(1)
     told = explanation(held_out)
-    write(told, tmp_path / "out", report=False)
+    write_report(told, tmp_path / "out", report=False)
     assert from_json((tmp_path / "out" / "verdict.json").read_bytes()) == told.verdict
     values = load_extended(tmp_path / "out" / "extended.toml", held_out)
     assert values == TRUE
@@ -118,7 +118,7 @@ def read(path: Path) -> str:
 
 def test_the_report_tells_everything_on_one_page_by_itself(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    write(explanation(toy(1)), tmp_path)
+    write_report(explanation(toy(1)), tmp_path)
     text = read(tmp_path / "report.html")
     for told in (
         "The simulation is missing: force delay or tare error.",
@@ -138,7 +138,7 @@ def test_the_report_tells_everything_on_one_page_by_itself(tmp_path: Path) -> No
 
 def test_the_report_of_an_unknown_cause_shows_its_signature(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    write(explanation(toy(1), named=False), tmp_path)
+    write_report(explanation(toy(1), named=False), tmp_path)
     text = read(tmp_path / "report.html")
     assert "Not explained: the simulation is missing something that no effect of the library describes." in text
     assert "What is not explained shows in fx, between 1 and 5 Hz, from 3.0 to 9.0 s." in text
@@ -151,7 +151,7 @@ def test_a_channel_that_was_never_measured_spoils_no_report(tmp_path: Path) -> N
     told = explanation(held_out)
     for density in (told.fit.spectrum.before, told.fit.spectrum.after, told.fit.spectrum.noise):
         density[:, 1] = np.nan
-    write(told, tmp_path)
+    write_report(told, tmp_path)
     assert "Channels not shown, whose error stands out of the noise least: 1." in read(tmp_path / "report.html")
 
 
@@ -159,7 +159,7 @@ def test_without_matplotlib_the_report_is_one_line(tmp_path: Path, monkeypatch: 
     found = importlib.util.find_spec
     monkeypatch.setattr(output, "find_spec", lambda name: None if name == "matplotlib" else found(name))
     with pytest.raises(UserError, match=r"needs matplotlib: pip install 'gaiteyes\[lab\]'"):
-        write(explanation(toy(1)), tmp_path)
+        write_report(explanation(toy(1)), tmp_path)
     assert not list(tmp_path.iterdir())
 
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from discrepancy import explain
 from discrepancy.evidence.gain import gain
-from discrepancy.explain import explain
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate
 from discrepancy.search.fit import Intervals

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from discrepancy.explain import explain
+from discrepancy import explain
 from discrepancy.values import predicted
 from impedance.body.rigid_body import Inertia
 from impedance.recording.recording import PlatformRecording, Poses

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from discrepancy.explain import Explanation, explain
+from discrepancy import Explanation, explain
 from discrepancy.problem import Part
 from discrepancy.simulation import Effect, Parameter
 from discrepancy.values import predicted
