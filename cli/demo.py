@@ -27,6 +27,10 @@ def demo(
     json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
 ) -> None:
     """Let the simulated wearer walk in real time and report how accurate the ground estimates were."""
+    from messages.extras import needs
+
+    needs("gaiteyes demo", "skimage")
+
     import time
 
     import msgspec

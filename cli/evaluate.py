@@ -13,6 +13,10 @@ JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the same fa
 @evaluate.command()
 def motorcycle(json: JsonFile = None) -> None:
     """A real stereo photograph: the floor as this project measures it, beside the floor in its true disparity."""
+    from messages.extras import needs
+
+    needs("gaiteyes evaluate motorcycle", "skimage")
+
     from cli.console import table, write_json
     from lab.evaluation.real_pair import compare_floor, load
 
@@ -42,6 +46,10 @@ def rig(
     json: JsonFile = None,
 ) -> None:
     """The simulated wearer offline: slope and height error on each kind of ground, for several units."""
+    from messages.extras import needs
+
+    needs("gaiteyes evaluate rig", "skimage")
+
     from cli.console import check_writable, progress, score_table, seed_list, write_json
     from lab.evaluation.offline import score_walk
     from lab.evaluation.score import Scoreboard

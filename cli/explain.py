@@ -107,10 +107,7 @@ def _loaded(system: str, folder: Path) -> "Simulation":
 
     if not folder.is_dir():
         raise UserError(f"{folder}: no such folder")
-    try:
-        simulation: Simulation = import_module(f"systems.{system}").load(folder)
-    except ModuleNotFoundError as error:
-        raise UserError(f"{system} needs {error.name}: pip install 'gaiteyes[rig,lab]'") from error
+    simulation: Simulation = import_module(f"systems.{system}").load(folder)
     return simulation
 
 

@@ -28,6 +28,13 @@ def court(
     json: Annotated[Path | None, typer.Option("--json", help="Write the figures for a program.")] = None,
 ) -> None:
     """Test the finder on hidden effects. Their random seeds come from the operating system and are shown afterwards."""
+    from messages.extras import needs
+
+    needs("gaiteyes explain court", "mujoco")
+    needs("gaiteyes explain court", "skimage")
+    if scheduler is not None:
+        needs("--scheduler", "distributed")
+
     from cli.console import check_writable, console, write_json
     from lab.court.plan import SYSTEMS, hidden_system, slots
     from lab.court.result import Result

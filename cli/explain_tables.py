@@ -32,14 +32,12 @@ def tables(
     from rich.progress import track
 
     from cli.console import check_writable, console, table, write_json
-    from messages.errors import UserError
+    from messages.extras import needs
 
     check_writable(json)
-    try:
-        from lab.thesis.hypotheses import Study
-        from lab.thesis.verdict import Effort, judged
-    except ModuleNotFoundError as error:
-        raise UserError(f"the platform's simulation needs {error.name}: pip install 'gaiteyes[lab]'") from error
+    needs("gaiteyes explain tables", "mujoco")
+    from lab.thesis.hypotheses import Study
+    from lab.thesis.verdict import Effort, judged
 
     def shown(steps: "Iterable[Sizes]", count: int, what: str) -> None:
         for _ in track(steps, description=what, total=count, console=console):

@@ -15,6 +15,10 @@ def faults(
     json: Annotated[Path | None, typer.Option(help="Write all results for a program.")] = None,
 ) -> None:
     """Inject faults into the daemon's simulated hardware; measure how soon each is flagged, and every wrong value."""
+    from messages.extras import needs
+
+    needs("gaiteyes faults", "skimage")
+
     import shutil
     import signal
     import tempfile

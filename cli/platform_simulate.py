@@ -32,18 +32,19 @@ def simulate(
 
     from cli.console import check_writable, table, write_json
     from messages.errors import UserError
+    from messages.extras import needs
 
     check_writable(json)
-    try:
-        from sim_rig.platform.run import RunSettings, measured
-        from sim_rig.platform.run import simulate as simulated
-    except ModuleNotFoundError as error:
-        raise UserError(f"the platform's simulation needs {error.name}: pip install 'gaiteyes[lab]'") from error
+    needs("gaiteyes platform simulate", "mujoco")
+    if picture is not None:
+        needs("--picture", "matplotlib")
     from discrepancy.report.extended import read_extended
     from sim_rig.platform.extended.simulate import Run
     from sim_rig.platform.extended.simulate import extended as simulated_extended
     from sim_rig.platform.picture import draw
     from sim_rig.platform.rig import FOOT, PLATE, THESIS_NOISE, Rig
+    from sim_rig.platform.run import RunSettings, measured
+    from sim_rig.platform.run import simulate as simulated
 
     if extended is not None:
         if picture is not None:

@@ -20,8 +20,10 @@ def tables(
     The simulated columns are at 40 Hz; "w/ noise" is the mean and deviation over the draws.
     """
     from cli.console import check_writable, progress, table, write_json
+    from messages.extras import needs
 
     check_writable(json)
+    needs("gaiteyes platform tables", "mujoco")
     if ablations:
         from lab.thesis.ablations import (
             ABLATIONS,

@@ -1,7 +1,6 @@
 """Writes an explanation: verdict.json, held_out.csv, extended.toml and, for a person, report.html."""
 
 import io
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +11,14 @@ from discrepancy.simulation import Channels
 from discrepancy.verdict import to_json
 from messages.arrays import FloatArray
 from messages.errors import UserError
+from messages.extras import needs
 
 VERDICT, HELD_OUT, EXTENDED, REPORT = "verdict.json", "held_out.csv", "extended.toml", "report.html"
 
 
 def check_report() -> None:
     """Raise UserError, with what to install, if the report cannot be drawn."""
-    if find_spec("matplotlib") is None:
-        raise UserError(f"{REPORT} needs matplotlib: pip install 'gaiteyes[lab]', or leave it out with --no-report")
+    needs(f"{REPORT} (left out with --no-report)", "matplotlib")
 
 
 def write_report(explanation: Explanation, folder: Path, *, report: bool = True) -> None:

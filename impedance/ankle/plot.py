@@ -4,15 +4,15 @@ from pathlib import Path
 
 from impedance.ankle.table import AnkleTable
 from messages.errors import UserError
+from messages.extras import needs
 
 
 def draw(path: Path, table: AnkleTable) -> None:
     """Write a picture; raises UserError without matplotlib, which the extra `lab` holds, or where it cannot be
     written."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise UserError("--plot needs matplotlib: pip install 'gaiteyes[lab]'") from error
+    needs("--plot", "matplotlib")
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     plots = figure.subplots(2, 2, sharex=True)
     curves = (("stiffness_nm_per_rad", "stiffness, N·m/rad"), ("damping_nms_per_rad", "damping, N·m·s/rad"))

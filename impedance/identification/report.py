@@ -11,6 +11,7 @@ from impedance.identification.observability import NAMES
 from messages.arrays import FloatArray
 from messages.constants import NORMAL_95
 from messages.errors import UserError
+from messages.extras import needs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -87,10 +88,9 @@ def facts(found: Identification) -> dict[str, object]:
 
 def write_report(found: Identification, folder: Path) -> None:
     """Write page and plots into `folder`; raises UserError where it cannot, or where matplotlib is not installed."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise UserError("--out: the plots need matplotlib: pip install 'gaiteyes[lab]'") from error
+    needs("a report with plots (--out)", "matplotlib")
+    from matplotlib.figure import Figure
+
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, draw in ((INTERVALS, _draw_intervals), (MISFIT, _draw_misfit)):

@@ -34,6 +34,7 @@ from impedance.recording.recording import (
 from messages.arrays import FloatArray
 from messages.checked import checked
 from messages.errors import UserError
+from messages.extras import needs
 
 _LENGTHS_M: Final = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _MOMENTS_NM: Final = {"Nm": 1.0, "N.m": 1.0, "N*m": 1.0, "Nmm": 0.001, "N.mm": 0.001, "N*mm": 0.001}
@@ -112,10 +113,9 @@ def pose_of_markers(seen_m: FloatArray, places_m: FloatArray) -> tuple[FloatArra
 
 
 def _opened(path: Path) -> Any:
-    try:
-        import ezc3d
-    except ImportError as error:
-        raise UserError("C3D files need ezc3d: pip install 'gaiteyes[lab]'") from error
+    needs("a C3D file", "ezc3d")
+    import ezc3d
+
     if not path.is_file():
         raise UserError(f"{path}: no such file")
     try:

@@ -10,6 +10,7 @@ from lab.court.plan import DEVELOPMENT_SEEDS, Slot
 from lab.court.result import Result
 from lab.court.trial import judged
 from messages.errors import UserError
+from messages.extras import needs
 
 
 @contextmanager
@@ -22,12 +23,11 @@ def executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
             yield pool
         return
-    try:
-        from distributed import Client
+    needs("--scheduler", "distributed")
+    from distributed import Client
 
+    try:
         client = Client(scheduler)
-    except ModuleNotFoundError as error:
-        raise UserError("--scheduler needs dask.distributed: pip install 'gaiteyes[cluster]'") from error
     except OSError as error:
         raise UserError(f"--scheduler {scheduler}: {error}") from error
     with client:

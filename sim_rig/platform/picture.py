@@ -8,6 +8,7 @@ import numpy as np
 from impedance.body import geometry
 from messages.arrays import FloatArray
 from messages.errors import UserError
+from messages.extras import needs
 from sim_rig.platform.run import SimulatedRun
 
 if TYPE_CHECKING:
@@ -34,12 +35,11 @@ def draw(run: SimulatedRun, path: Path) -> None:
     kind = path.suffix.lower()
     if kind not in (".png", ".svg", ".pdf", ".gif"):
         raise UserError(f"{path}: a picture's name ends in .png, .svg, .pdf or .gif")
-    try:
-        from matplotlib.animation import FuncAnimation, PillowWriter
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise UserError("pictures need matplotlib: pip install 'gaiteyes[lab]'") from error
+    needs("a picture", "matplotlib")
+    from matplotlib.animation import FuncAnimation, PillowWriter
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     FigureCanvasAgg(figure)
     axes: Axes3D = figure.add_subplot(projection="3d")
