@@ -5,7 +5,7 @@ import time
 
 import can
 
-from messages.can_receiver import GroundReceiver, Refusal
+from gaiteyes import GroundReceiver, Refusal
 
 arguments = argparse.ArgumentParser(description=__doc__)
 arguments.add_argument("--interface", default="slcan", help="of python-can: slcan, socketcan, udp_multicast")
@@ -13,7 +13,11 @@ arguments.add_argument("--channel", default="socket://127.0.0.1:29536", help="as
 arguments.add_argument("--accept-simulated", action="store_true")
 options = arguments.parse_args()
 receiver = GroundReceiver(accept_simulated=options.accept_simulated)
-with can.Bus(options.channel, options.interface) as bus:
+try:
+    opened = can.Bus(options.channel, options.interface)
+except (can.CanError, OSError, ValueError) as error:
+    arguments.exit(2, f"CAN {options.interface}:{options.channel}: {' '.join(str(error).split())}\n")
+with opened as bus:
     while bus.recv(0.01) is not None:  # what came in while the bus was being opened is old
         pass
     for frame in bus:

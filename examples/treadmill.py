@@ -6,17 +6,25 @@ itself, beside a filter of 31 taps on the belt's speed. R² leaves the mean out,
 
 import argparse
 import gzip
+import sys
 from pathlib import Path
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from discrepancy.explain import explain
-from discrepancy.own_simulation import OwnSimulation
-from discrepancy.report.output import write
-from discrepancy.report.wording import headline, quantity_text
-from discrepancy.simulation import Channels, Effect, Parameter, Values
-from messages.arrays import FloatArray
+from gaiteyes import (
+    Channels,
+    Effect,
+    FloatArray,
+    OwnSimulation,
+    Parameter,
+    UserError,
+    Values,
+    explain,
+    headline,
+    quantity_text,
+    write_report,
+)
 
 RATE_HZ, CUTOFF_HZ, EVERY, TAPS = 100.0, 6.0, 4, 31
 MATTERS_NM = 0.5
@@ -123,8 +131,11 @@ def main() -> None:
     arguments.add_argument("trial", type=Path, help="gzipped text of time, moment and belt speed, as RandomFastSpeed1")
     arguments.add_argument("--out", type=Path, help="folder for report.html and its fellows")
     options = arguments.parse_args()
-    with gzip.open(options.trial, "rt") as file:
-        trial = np.genfromtxt(file, skip_header=1)
+    try:
+        with gzip.open(options.trial, "rt") as file:
+            trial = np.genfromtxt(file, skip_header=1)
+    except (OSError, EOFError, ValueError) as error:
+        arguments.exit(2, f"{options.trial}: {error}\n")
     first, second = slice(0, len(trial) // 2), slice(len(trial) // 2, len(trial))
     fit, judged = simulation(trial, first), simulation(trial, second)
     found = explain(fit, judged, seed=1)
@@ -139,8 +150,12 @@ def main() -> None:
         print(f"R² {' + '.join(names)} {r2(measured, alone.held_out.extended):.4f}")
     print(f"R² {TAPS}-tap filter {taps_r2(trial, first, second):.4f}")
     if options.out is not None:
-        write(found, options.out)
+        write_report(found, options.out)
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except UserError as error:
+        print(error, file=sys.stderr)
+        sys.exit(2)

@@ -31,12 +31,12 @@ E = TypeVar("E", bound=Estimate)
 
 
 class Listener(Generic[E]):
-    """An iterator over the estimates of one key, each checked as `messages.json_receiver.JsonReceiver` says.
+    """The estimates of one key, to iterate over, each checked as `messages.json_receiver.JsonReceiver` says.
 
     The newest wins: of all that came since the last one was taken, only the newest that passes is given, so that a
     slow consumer never works on a backlog. Nothing that arrives raises: `refused` counts what was refused, by reason,
-    and `superseded` what a newer estimate replaced. The iteration ends when nothing has passed for `timeout_s`, and
-    after `close`, which the end of a `with` block, and the last reference's going, call.
+    and `superseded` what a newer estimate replaced. An iteration ends when nothing has passed for `timeout_s`; the next
+    one goes on listening, until `close`, which the end of a `with` block calls, and the going of the last reference.
     """
 
     def __init__(
@@ -66,15 +66,15 @@ class Listener(Generic[E]):
         self.close()
 
     def __iter__(self) -> Iterator[Received[E]]:
-        return self
-
-    def __next__(self) -> Received[E]:
-        end_s = math.inf if self._timeout_s is None else time.monotonic() + self._timeout_s
+        end_s = self._end_s()
         while self._mailbox.wait(end_s - time.monotonic()):
             received = self._newest(self._mailbox.take())
             if received is not None:
-                return received
-        raise StopIteration
+                yield received
+                end_s = self._end_s()
+
+    def _end_s(self) -> float:
+        return math.inf if self._timeout_s is None else time.monotonic() + self._timeout_s
 
     def _newest(self, arrived: "list[tuple[bytes, int]]") -> Received[E] | None:
         newest: Received[E] | None = None
@@ -167,7 +167,7 @@ def listen(
     accept_simulated: bool = False,
     timeout_s: float | None = None,
 ) -> Listener[Any]:
-    """Return an iterator over one topic of one device, as typed messages that passed every check.
+    """Listen to one topic of one device: what comes are typed messages that passed every check.
 
     `topic` is the message's type (`GroundPlane`) or the topic's name ("ground") beside `device`, or the whole key
     alone ("gaiteyes/DEVICE/ground/v1"; a replay's is "gaiteyes/DEVICE/replay/ground/v1"). `connect` is the endpoint

@@ -5,6 +5,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import TypeVar
 
 import msgspec
 import pytest
@@ -20,6 +21,8 @@ from tests.bench.zenoh_peer import PATIENCE_POLLS, POLL_S, free_endpoint
 
 KEY = "gaiteyes/unit-1/ground/v1"
 PATIENCE_S = PATIENCE_POLLS * POLL_S
+
+E = TypeVar("E", bound=Estimate)
 
 
 class Peer:
@@ -82,16 +85,20 @@ def line(seq: int, estimate: Estimate | None = None, *, age_ns: int = 0, **stamp
     return encode_line(TOPIC_OF[type(sample)], sample, stamp(**told))
 
 
+def taken(listener: Listener[E]) -> Received[E]:
+    return next(iter(listener))
+
+
 def arrived(listener: Listener[GroundPlane], peer: Peer, data: bytes, seq: int) -> Received[GroundPlane]:
     """What passes of `data` followed by a good message: never `data`."""
     peer.put(data)
     peer.put(line(seq))
-    return next(listener)
+    return taken(listener)
 
 
 def test_a_message_comes_typed_with_its_stamp(listener: Listener[GroundPlane], peer: Peer) -> None:
     peer.put(line(7))
-    found = next(listener)
+    found = taken(listener)
     assert isinstance(found.message, GroundPlane)
     assert (found.message.height_m, found.message.status) == (0.931, Status.VALID)
     assert (found.stamp.seq, found.stamp.source, found.stamp.boot_id) == (7, Source.LIVE, read_boot_id())
@@ -122,7 +129,7 @@ def test_what_is_hostile_is_counted_and_never_raised(
     listener: Listener[GroundPlane], peer: Peer, hostile: Callable[[], bytes], why: Refusal
 ) -> None:
     peer.put(line(0))
-    next(listener)
+    taken(listener)
     assert arrived(listener, peer, hostile(), 2).stamp.seq == 2
     assert listener.refused == {why: 1}
 
@@ -130,7 +137,7 @@ def test_what_is_hostile_is_counted_and_never_raised(
 def test_a_deleted_key_is_malformed(listener: Listener[GroundPlane], peer: Peer) -> None:
     peer.publisher.delete()
     peer.put(line(0))
-    next(listener)
+    taken(listener)
     assert listener.refused == {Refusal.MALFORMED: 1}
 
 
@@ -138,38 +145,38 @@ def test_simulated_data_comes_when_asked_for(peer: Peer, endpoint: str) -> None:
     with listen(KEY, connect=endpoint, accept_simulated=True, timeout_s=PATIENCE_S) as listener:
         peer.wait_for_subscriber()
         peer.put(line(0, source=Source.SIMULATED))
-        assert next(listener).stamp.source is Source.SIMULATED
+        assert taken(listener).stamp.source is Source.SIMULATED
 
 
 def test_an_estimate_that_is_not_valid_is_told(listener: Listener[GroundPlane], peer: Peer) -> None:
     now_ns = time.monotonic_ns()
     peer.put(line(0, msgspec.structs.replace(invalid_ground(), t_exposure_ns=now_ns), t_publish_ns=now_ns))
-    assert next(listener).message.status is Status.INVALID
+    assert taken(listener).message.status is Status.INVALID
 
 
 def test_of_what_waits_the_newest_wins_and_the_rest_is_counted(listener: Listener[GroundPlane], peer: Peer) -> None:
     peer.put(line(0))
-    next(listener)
+    taken(listener)
     for seq in range(1, 6):
         peer.put(line(seq))
     peer.put(b"no JSON")  # comes last, and takes nothing away
-    found = [next(listener)]
+    found = [taken(listener)]
     while found[-1].stamp.seq < 5:
-        found.append(next(listener))
+        found.append(taken(listener))
     assert listener.superseded + len(found) == 5
     peer.put(line(6))
-    next(listener)
+    taken(listener)
     assert listener.refused == {Refusal.MALFORMED: 1}
 
 
 def test_a_consumer_that_stood_still_keeps_a_bounded_queue(listener: Listener[GroundPlane], peer: Peer) -> None:
     last = 40 * WAITING_PAYLOADS
     peer.put(line(0))
-    next(listener)
+    taken(listener)
     for seq in range(1, last):
         peer.put(line(seq, boot_id="elsewhere"))
     peer.put(line(last))
-    while next(listener).stamp.seq < last:
+    while taken(listener).stamp.seq < last:
         pass
     assert sum(listener.refused.values()) <= last
     assert len(listener._mailbox.take()) <= WAITING_PAYLOADS
@@ -180,7 +187,8 @@ def test_silence_ends_the_iteration(peer: Peer, endpoint: str) -> None:
         assert list(listener) == []
         peer.wait_for_subscriber()
         peer.put(line(0))
-        peer.put(line(0))
+        assert [received.stamp.seq for received in listener] == [0]
+        assert list(listener) == []
 
 
 def test_a_flood_of_what_is_refused_does_not_put_off_the_end(peer: Peer, endpoint: str) -> None:
@@ -236,13 +244,13 @@ def test_a_service_that_comes_back_is_found_again(endpoint: str) -> None:
     with listen(GroundPlane, "unit-1", connect=endpoint, timeout_s=PATIENCE_S) as listener:
         first.wait_for_subscriber()
         first.put(line(900))
-        assert next(listener).begins_sequence
+        assert taken(listener).begins_sequence
         first.close()
         second = Peer(endpoint)
         second.wait_for_subscriber()
         time.sleep(1.0)  # no service restarts faster than this
         second.put(line(0))
-        found = next(listener)
+        found = taken(listener)
         assert (found.stamp.seq, found.begins_sequence, found.lost_before) == (0, True, 0)
         second.close()
 
@@ -271,7 +279,7 @@ def test_a_topic_is_given_by_name_key_or_type(peer: Peer, endpoint: str, kind: t
         wait_until_heard(publisher)
         now_ns = time.monotonic_ns()
         publisher.put(line(0, msgspec.structs.replace(sample, **{time_field: now_ns}), t_publish_ns=now_ns))
-        assert type(next(listener).message) is kind
+        assert type(taken(listener).message) is kind
 
 
 @pytest.mark.parametrize("connect", ["tcp/127.0.0.1:1", "garbage", "carrier/pigeon:1", "tcp/127.0.0.1:99999"])
