@@ -171,8 +171,9 @@ def listen(
 
     `topic` is the message's type (`GroundPlane`) or the topic's name ("ground") beside `device`, or the whole key
     alone ("gaiteyes/DEVICE/ground/v1"; a replay's is "gaiteyes/DEVICE/replay/ground/v1"). `connect` is the endpoint
-    on which the service listens. Each item is a `Received`: message, stamp, age. `accept_simulated` takes simulated
-    and replayed data too. After `timeout_s` without an estimate that passes, the iteration ends; without it, it waits.
+    on which the service listens: tcp/127.0.0.1:7447, unless it was told otherwise. Each item is a `Received`:
+    message, stamp, age. `accept_simulated` takes simulated and replayed data too. After `timeout_s` without an
+    estimate that passes, the iteration ends; without a `timeout_s` it waits.
 
         with gaiteyes.listen(gaiteyes.GroundPlane, "unit-1", timeout_s=0.2) as listener:
             for received in listener:
