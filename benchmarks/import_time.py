@@ -1,7 +1,7 @@
 """How long imports take, each in a fresh interpreter: `python -m benchmarks.import_time`.
 
-The median of several runs, in milliseconds beyond the bare interpreter, and as a ratio to `import numpy`, which says the
-same on a slow or busy machine.
+The median of several runs, in milliseconds beyond the bare interpreter, and as a ratio to `import numpy`, which says
+the same on a slow or busy machine.
 """
 
 import argparse

@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from messages import UnitCalibration as UnitCalibration
     from messages import UserError as UserError
     from messages import Vec3 as Vec3
+    from messages.arrays import FloatArray as FloatArray
     from messages.can_receiver import GroundReceiver as GroundReceiver
     from messages.can_receiver import ReceivedGround as ReceivedGround
     from messages.json_receiver import Received as Received
@@ -103,6 +104,7 @@ _HOMES = {
     "Pipeline": "daemon.pipeline",
     "load_calibration": "calib.files",
     "FootholdSettings": "perception.ground.foothold",
+    "FloatArray": "messages.arrays",
     "AnkleState": "messages",
     "Attitude": "messages",
     "Calibration": "messages",
