@@ -21,7 +21,8 @@ SECTIONS = {
     "Replay a recording": ["replay", "Pipeline", "load_calibration", "FootholdSettings"],
     "Explain what a simulation gets wrong": [
         "explain", "OwnSimulation", "Channels", "Effect", "Parameter", "Values", "FloatArray", "Simulation",
-        "Explanation", "Verdict", "Cause", "Quantity", "Gain", "Remainder", "Signature", "headline", "quantity_text", "write_report",
+        "Explanation", "Verdict", "Cause", "Quantity", "Gain", "Remainder", "Signature", "headline",
+        "quantity_text", "write_report",
     ],
     "Messages out of the pipeline": [
         "Estimate", "GroundPlane", "Attitude", "Health", "Status", "Reason", "Stamp", "Source", "Covariance3",
