@@ -4,7 +4,16 @@ from importlib import import_module
 
 from messages.errors import UserError
 
-EXTRA_OF = {"skimage": "rig", "mujoco": "lab", "matplotlib": "lab", "ezc3d": "lab", "distributed": "cluster"}
+EXTRA_OF = {
+    "skimage": "rig",
+    "mujoco": "lab",
+    "matplotlib": "lab",
+    "ezc3d": "lab",
+    "distributed": "cluster",
+    "pysindy": "baselines",
+    "sklearn": "baselines",
+    "vqf": "baselines",
+}
 """The extra of pyproject.toml that brings each package, by the name under which it is imported."""
 
 

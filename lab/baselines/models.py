@@ -16,7 +16,7 @@ from scipy.optimize import Bounds, minimize
 from discrepancy.problem import Problem
 from discrepancy.search.refits import base_of
 from messages.arrays import FloatArray
-from messages.errors import UserError
+from messages.extras import needs
 
 _MOST_INPUTS: Final = 8  # principal components of the inputs, and as many of their rates
 _STEPS: Final = 8
@@ -155,10 +155,9 @@ def sparsely_regressed(case: Case) -> Told:
 
     The threshold is the one that predicts the last quarter of the recording best; nothing is kept where none does.
     """
-    try:
-        import pysindy
-    except ModuleNotFoundError as error:
-        raise UserError(f"sparse regression needs {error.name}: pip install 'gaiteyes[baselines]'") from error
+    needs("sparse regression", "pysindy")
+    import pysindy
+
     fit_inputs, held_inputs, names = _inputs(case)
     library = pysindy.PolynomialLibrary(degree=2).fit(fit_inputs)
     theta, held_theta = np.asarray(library.transform(fit_inputs)), np.asarray(library.transform(held_inputs))
@@ -229,11 +228,10 @@ def process_regressed(case: Case) -> Told:
     One process for each channel, of 300 samples spread over the recording, its hyperparameters at the likelihood's
     maximum.
     """
-    try:
-        from sklearn.gaussian_process import GaussianProcessRegressor
-        from sklearn.gaussian_process.kernels import RBF, ConstantKernel, DotProduct, WhiteKernel
-    except ModuleNotFoundError as error:
-        raise UserError(f"a Gaussian process needs {error.name}: pip install 'gaiteyes[baselines]'") from error
+    needs("a Gaussian process", "sklearn")
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, DotProduct, WhiteKernel
+
     fit_inputs, held_inputs, _ = _inputs(case)
     predicted = case.predicted_held.copy()
     residual = case.residual_fit

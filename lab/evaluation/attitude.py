@@ -7,7 +7,7 @@ import numpy as np
 
 from messages import Residual
 from messages.arrays import FloatArray, IntArray, rms
-from messages.errors import UserError
+from messages.extras import needs
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings
 
 UNCALIBRATED = Residual(specific_force_mps2=0.05, scale=0.005)
@@ -84,10 +84,9 @@ def vqf_up_B(sf_B: FloatArray, w_B: FloatArray, rate_hz: float) -> FloatArray:
 
     Raises UserError where VQF is not installed.
     """
-    try:
-        from vqf import VQF
-    except ModuleNotFoundError as error:
-        raise UserError("the attitude is compared with VQF: pip install 'gaiteyes[baselines]'") from error
+    needs("the comparison with VQF", "vqf")
+    from vqf import VQF
+
     result = VQF(1.0 / rate_hz).updateBatch(np.ascontiguousarray(w_B), np.ascontiguousarray(sf_B))
     return up_B_of(result["quat6D"])
 

@@ -87,7 +87,7 @@ def test_the_table_of_extras_is_that_of_the_project() -> None:
         for extra in set(EXTRA_OF.values())
         for entry in extras[extra]
     }
-    distributions = {"skimage": "scikit-image"}
+    distributions = {"skimage": "scikit-image", "sklearn": "scikit-learn"}
     assert {(distributions.get(package, package), extra) for package, extra in EXTRA_OF.items()} == brought
 
 
