@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from discrepancy.explain import explain
+from discrepancy import explain
 from discrepancy.own_simulation import OwnSimulation
 from discrepancy.problem import Problem
 from discrepancy.restricted import without

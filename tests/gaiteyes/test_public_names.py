@@ -55,9 +55,11 @@ def test_types_load_neither_mathematics_nor_transports(name: str) -> None:
     assert not loaded_by(f"import gaiteyes; gaiteyes.{name}") & (HEAVY | TRANSPORTS)
 
 
-def test_the_finder_and_the_messages_work_without_transports() -> None:
-    program = "import gaiteyes; print(gaiteyes.explain.__name__, gaiteyes.Attitude.__name__)"
-    assert fresh(program, blocked=TRANSPORTS).split() == ["explain", "Attitude"]
+def test_finder_messages_and_pipeline_work_without_transports() -> None:
+    program = (
+        "import gaiteyes; print(gaiteyes.explain.__name__, gaiteyes.Attitude.__name__, gaiteyes.Pipeline.__name__)"
+    )
+    assert fresh(program, blocked=TRANSPORTS).split() == ["explain", "Attitude", "Pipeline"]
 
 
 def test_every_name_is_there_and_documented_as_what_it_is() -> None:
