@@ -169,17 +169,22 @@ def test_of_what_waits_the_newest_wins_and_the_rest_is_counted(listener: Listene
     assert listener.refused == {Refusal.MALFORMED: 1}
 
 
-def test_a_consumer_that_stood_still_keeps_a_bounded_queue(listener: Listener[GroundPlane], peer: Peer) -> None:
-    last = 40 * WAITING_PAYLOADS
-    peer.put(line(0))
-    taken(listener)
-    for seq in range(1, last):
-        peer.put(line(seq, boot_id="elsewhere"))
-    peer.put(line(last))
-    while taken(listener).stamp.seq < last:
-        pass
-    assert sum(listener.refused.values()) <= last
-    assert len(listener._mailbox.take()) <= WAITING_PAYLOADS
+def test_what_waits_is_bounded_and_the_oldest_leaves(listener: Listener[GroundPlane], peer: Peer) -> None:
+    last = 10 * WAITING_PAYLOADS
+    for seq in range(last):
+        peer.put(str(seq).encode())
+    for _ in range(PATIENCE_POLLS):
+        if listener._mailbox._arrived and listener._mailbox._arrived[-1][0] == str(last - 1).encode():
+            break
+        time.sleep(POLL_S)
+    waiting = [int(payload) for payload, _ in listener._mailbox.take()]
+    assert waiting == list(range(last - WAITING_PAYLOADS, last))
+
+
+def test_after_its_time_a_wait_ends_even_if_something_is_there(listener: Listener[GroundPlane]) -> None:
+    listener._mailbox.put(b"flood", 0)
+    assert listener._mailbox.wait(0.5)
+    assert not listener._mailbox.wait(0.0)
 
 
 def test_silence_ends_the_iteration(peer: Peer, endpoint: str) -> None:
