@@ -1,7 +1,4 @@
-"""Property tests try the same examples in every run, however long each takes; for new ones `--hypothesis-profile=default`.
-
-What may depend on the processor is marked `numerical`.
-"""
+"""Property tests try the same examples in every run; `pytest --hypothesis-profile=default` looks for new ones."""
 
 import secrets
 from pathlib import Path
