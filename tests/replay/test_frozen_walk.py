@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from functools import partial
 
 import cv2
 import pytest
@@ -35,7 +36,12 @@ def test_the_walk_is_replayed_as_it_was_frozen(replay: bytes) -> None:
         assert most <= allowed, f"{field} differs; if it is meant to: python -m tests.replay.freeze --write"
 
 
-def test_two_replays_give_the_same_bytes(walk: tuple[Calibration, list[Input]], replay: bytes) -> None:
+@pytest.mark.parametrize("threads", [1, 3])
+def test_two_replays_give_the_same_bytes(
+    walk: tuple[Calibration, list[Input]], replay: bytes, threads: int, request: pytest.FixtureRequest
+) -> None:
+    request.addfinalizer(partial(cv2.setNumThreads, cv2.getNumThreads()))
+    cv2.setNumThreads(threads)
     assert replayed(*walk) == replay
 
 
