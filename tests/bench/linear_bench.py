@@ -30,7 +30,13 @@ class Columns:
     @property
     def effect(self) -> Effect:
         return Effect(
-            self.name, tuple(_parameter(name, self.bounds) for name in self.columns), "", "", "", self.choices, self.starts
+            self.name,
+            tuple(_parameter(name, self.bounds) for name in self.columns),
+            "",
+            "",
+            "",
+            self.choices,
+            self.starts,
         )
 
 
