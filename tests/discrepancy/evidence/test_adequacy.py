@@ -41,7 +41,7 @@ def judged(
 
 @lru_cache
 def noises(kind: str) -> list[Adequacy]:
-    """Return what is said of 500 recordings of noise alone: white, or slow and driven the more the larger the input is."""
+    """Return what is said of 500 recordings of noise alone: white, or slow and driven more by a larger input."""
     rng = np.random.default_rng(_SEED)
     out = []
     for draw in range(_DRAWS):
