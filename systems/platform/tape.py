@@ -28,6 +28,7 @@ from messages.arrays import FloatArray
 from systems.platform.band import Band
 
 _LEAST_KGM2 = 1e-4
+"""Inertia of the foot, at least: a fit may try none, and nothing would then resist the moment."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ def rocking(
     free = [isfinite(hz) for hz in resonances_hz]
     diagonal = []
     for hz, axis in zip(resonances_hz, (2, 0), strict=True):
-        w = 2.0 * np.pi * (hz if isfinite(hz) else 1.0)
+        w = 2.0 * np.pi * (hz if isfinite(hz) else 1.0)  # any: that turn is set to zero below
         own = max(float(J[axis, axis]), _LEAST_KGM2)
         diagonal.append(own * (s**2 + 2.0 * zeta * w * s + w**2) - PLATFORM_GRAVITY_MPS2 * foot[2])
     coupling = J[0, 2] * s**2 if all(free) else np.zeros_like(s)
