@@ -35,7 +35,7 @@ _LEAST_KGM2 = 1e-4
 class Carried:
     """The motion of P as rows (3, n): its origin's acceleration less gravity, ω and α, all in P."""
 
-    felt_mps2: FloatArray
+    sf_mps2: FloatArray
     w: FloatArray
     alpha: FloatArray
 
@@ -115,12 +115,12 @@ def _rocked(
     both = rate[0] * rate[1]
     v = np.stack((rate[1] * cos, rate[1] * sin, rate[0]))
     v_rate = np.stack((acceleration[1] * cos - both * sin, acceleration[1] * sin + both * cos, acceleration[0]))
-    felt_mps2 = turn.to_F(motion.felt_mps2)
+    sf_mps2 = turn.to_F(motion.sf_mps2)
     w = turn.to_F(motion.w + v)
     alpha = turn.to_F(motion.alpha + v_rate + _cross(motion.w, v))
     m, h, J = foot[0], foot[1:4, None], tensor_of(foot[4:])
-    force = m * felt_mps2 + _cross(alpha, h) + _cross(w, _cross(w, h))
-    moment = J @ alpha + _cross(w, J @ w) + _cross(h, felt_mps2)
+    force = m * sf_mps2 + _cross(alpha, h) + _cross(w, _cross(w, h))
+    moment = J @ alpha + _cross(w, J @ w) + _cross(h, sf_mps2)
     return np.concatenate((turn.to_P(force), turn.to_P(moment)))
 
 

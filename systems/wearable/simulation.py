@@ -1,4 +1,4 @@
-"""What a wearable unit should see and feel above known ground, bound to one recording.
+"""What a wearable unit should measure above known ground, bound to one recording.
 
 Channels: the disparity map as its coefficients on ten orthonormal polynomials of the picture (so that what is common to
 all patches, like an error of the reference, stays in few of them), how strongly disparity locks to whole pixels, how
@@ -92,7 +92,7 @@ class WearableSimulation:
         sensed = tilt.Sensed.of(samples, calibration)
         grid_s = self._path.grid_s
         w_B = np.stack([np.interp(grid_s, sensed.t_s, axis) for axis in sensed.w_B.T], axis=-1)
-        self._gyro_C = w_B @ self._path.R_BC  # the sensor's own: a reference's noise, differentiated, would be heard
+        self._gyro_C = w_B @ self._path.R_BC  # the sensor's own: a reference's noise, differentiated, would show
         self._tilt = None
         R_WC = attitude.R_WB(self._stamp_s) @ self._path.R_BC
         if position is not None:
