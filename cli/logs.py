@@ -26,10 +26,10 @@ class JournalFormatter(logging.Formatter):
 def goes_to_journal(environment: Mapping[str, str] = os.environ) -> bool:
     """Return whether stderr is the journal's own stream."""
     try:
-        told = os.fstat(sys.stderr.fileno())
+        stderr = os.fstat(sys.stderr.fileno())
     except (OSError, ValueError):
         return False
-    return environment.get("JOURNAL_STREAM") == f"{told.st_dev}:{told.st_ino}"
+    return environment.get("JOURNAL_STREAM") == f"{stderr.st_dev}:{stderr.st_ino}"
 
 
 def configure_logs() -> None:

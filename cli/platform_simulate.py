@@ -25,8 +25,8 @@ def simulate(
     """Simulate the vibrating platform and write what its instruments record.
 
     The truth is written too, into a table that no estimator reads. A recording with the foot states the plate's
-    inertia, as if an earlier run had told it. Effects are simulated by other
-    formulas than the finder's; one that the rig has no mechanism for is refused.
+    inertia, as if an earlier run had measured it. Effects are simulated by other formulas than the finder's; one that
+    the rig has no mechanism for is refused.
     """
     import numpy as np
 
@@ -49,9 +49,9 @@ def simulate(
     if extended is not None:
         if picture is not None:
             raise UserError("--picture: draws the rig as it is, without --extended")
-        told = read_extended(extended, "platform")
+        model = read_extended(extended, "platform")
         settings = Run(foot=foot, update_hz=rate, duration_s=seconds, seed=seed, noise=noise, raw=raw)
-        recording, truth = simulated_extended(settings, told.parameters, told.effects, str(extended))
+        recording, truth = simulated_extended(settings, model.parameters, model.effects, str(extended))
     else:
         rig = Rig(foot=FOOT if foot else None)
         run = simulated(RunSettings(rig=rig, update_hz=rate, duration_s=seconds, raw=raw), seed)

@@ -38,7 +38,7 @@ def open_recorder(
 
 
 class Outlets(NamedTuple):
-    """Where estimates go, opened and ready; `link` also hears the ankle."""
+    """Where estimates go, opened and ready; `link` also receives the ankle's state."""
 
     zenoh: ZenohPublisher
     can: CanPublisher

@@ -1,4 +1,4 @@
-"""What arrived, what was refused and what was lost, counted from the messages alone and told once a second."""
+"""What arrived, what was refused and what was lost, counted from the messages alone and published once a second."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -21,6 +21,7 @@ from messages import (
 )
 
 PERIOD_NS = TOPICS["health"].period_ns
+"""Between two health messages, as the table of topics states it."""
 
 
 class HealthMonitor:

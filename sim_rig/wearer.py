@@ -161,9 +161,9 @@ class SimulatedWearer:
             self._camera.close()
 
     def _poll_times_ns(self, from_ns: int, to_ns: int) -> list[int]:
-        beats = np.arange(from_ns, to_ns, _IMU_POLL_NS)
-        lateness_s = np.random.default_rng([self._seed, 7]).exponential(_POLL_LATENESS_S, len(beats))
-        times_ns: list[int] = np.sort(beats + (lateness_s * 1e9).astype(np.int64)).tolist()
+        planned_ns = np.arange(from_ns, to_ns, _IMU_POLL_NS)
+        lateness_s = np.random.default_rng([self._seed, 7]).exponential(_POLL_LATENESS_S, len(planned_ns))
+        times_ns: list[int] = np.sort(planned_ns + (lateness_s * 1e9).astype(np.int64)).tolist()
         return times_ns
 
     def _chip_in_real_time(self) -> Mpu6050Chip:

@@ -21,23 +21,41 @@ from discrepancy.problem import Problem
 from messages.arrays import BoolArray, ComplexArray, FloatArray
 
 _STRETCHES = 40
+"""Of a long recording, each with a sign of its own: eight for each fold, and each long beside the noise's memory."""
 _LEAST_STRETCHES = 10
+"""Of a short recording: two for each fold."""
 _LEAST_LENGTH = 10
 """Samples of a stretch: in a shorter one neighbours' random signs would break the noise's own colour too."""
 _FOLDS = 5
+"""Parts of the stretches: each is predicted from the other four fifths."""
 _DRAWS = 150
+"""Of signs: the least chance that they can tell, 1 / 151, lies below `_CHANCE`."""
 _RIDGES = (0.01, 0.3)
-_MOST_SAMPLES = 6000
+"""Of a function's power: little where few functions tell much, much where many tell a little each."""
+_KEPT_POWER = 0.999
+"""Of the functions' whitened power, which the band holds: beyond it they can predict next to nothing."""
+_SPECTRA = 24
+"""Functions of a group, at least, whose spectra tell its band: the others' are like theirs."""
+_LEAST_POINTS, _MOST_POINTS = 512, 6000
+"""Of the band: fewer would be a dozen for each stretch; memory and time grow with their number."""
+_LEAST_SPREAD = 1e-12
+"""Of a gain over the draws: a smaller one is rounding, and would make any gain stand out."""
 _CHANCE = 0.01
+"""Of noise being predicted as well by the best group and ridge: what is likelier is not believed."""
 _MATERIAL = 0.01
 """Of the noise's power: what is predictable below that is the model's own numerical error."""
 _PLAIN = 0.05
 """Likewise: what is predictable above that needs no second recording to be believed."""
 _CHANCE_ELSEWHERE = 0.1
+"""Likewise, on another recording, where what little was found here has only to be confirmed."""
 LEVEL = 1.3
 """Times the declared noise: what is left above that is no noise."""
 _LEVEL_CHANCE = 0.001
+"""Of noise being louder than that in any channel: a right model must hardly ever be refused for it."""
 _MOST_GROUPS = 3
+"""Groups of functions used, one on what the other leaves: each costs as much as the first, and finds less."""
+_WHITENESS_LAGS = 64
+"""Samples: twice the single lags that the whitening takes away, so that what it cannot reach shows."""
 
 
 @dataclass(frozen=True)
@@ -113,12 +131,12 @@ class Probe:
         bins = self._padded // 2 + 1
         power = np.zeros(bins)
         for raw in groups.values():
-            density = np.abs(fft.rfft(raw[:: max(1, len(raw) // 24)], self._padded, axis=1)) ** 2
+            density = np.abs(fft.rfft(raw[:: max(1, len(raw) // _SPECTRA)], self._padded, axis=1)) ** 2
             for response in self._response:
                 filtered = density * np.abs(response) ** 2
                 power += (filtered / np.maximum(filtered.sum(axis=1, keepdims=True), np.finfo(float).tiny)).sum(axis=0)
-        held = np.searchsorted(np.cumsum(power), 0.999 * power.sum()) + 1
-        return int(np.clip(2 * held, min(512, self._padded), min(self._padded, _MOST_SAMPLES))) // 2 * 2
+        held = np.searchsorted(np.cumsum(power), _KEPT_POWER * power.sum()) + 1
+        return int(np.clip(2 * held, min(_LEAST_POINTS, self._padded), min(self._padded, _MOST_POINTS))) // 2 * 2
 
     def _white(self, values: FloatArray, response: ComplexArray) -> FloatArray:
         """Return rows (f, n) through filters (f or 1, k), at the band's points, so that unit white noise stays so."""
@@ -162,7 +180,7 @@ class Probe:
         table = np.concatenate(gains)  # (methods, channels, draws)
         table = np.concatenate((table, table.sum(axis=1, keepdims=True)), axis=1)
         mean, spread = table[:, :, 1:].mean(axis=2), table[:, :, 1:].std(axis=2)
-        standing = (table - mean[:, :, None]) / np.maximum(spread, 1e-12)[:, :, None]
+        standing = (table - mean[:, :, None]) / np.maximum(spread, _LEAST_SPREAD)[:, :, None]
         standing = np.where(table > 0.0, standing, -np.inf)
         top = standing.reshape(-1, standing.shape[2]).max(axis=0)
         chance = float((1 + np.sum(top[1:] >= top[0])) / len(top))
@@ -272,9 +290,9 @@ def _level_by_chance(problem: Problem, white: Whitening) -> FloatArray:
 
 
 def _whiteness(unit: FloatArray) -> FloatArray:
-    """Return the largest autocorrelation (c,) of rows (c, n) at lags up to 64."""
+    """Return the largest autocorrelation (c,) of rows (c, n) at lags up to `_WHITENESS_LAGS`."""
     power = np.abs(fft.rfft(unit, 2 * unit.shape[1], axis=1)) ** 2
-    correlation = fft.irfft(power, axis=1)[:, 1:65] / unit.shape[1]
+    correlation = fft.irfft(power, axis=1)[:, 1 : _WHITENESS_LAGS + 1] / unit.shape[1]
     return np.asarray(np.abs(correlation).max(axis=1), dtype=np.float64)
 
 

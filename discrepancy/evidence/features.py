@@ -9,8 +9,19 @@ import numpy as np
 from messages.arrays import FloatArray
 
 _MOST_INPUTS = 12
+"""Principal components of inputs, or of outputs, of which functions are made: the largest group holds seven of each."""
 _MOST_MULTIPLIED = 8
+"""The strongest of these, which are multiplied in pairs: 36 products, where twelve would make 78."""
 _CORRELATED = 0.7
+"""Autocorrelation at a lag: after a shorter one an input still says much the same."""
+_LONGEST_LAG_SHARE = 8
+"""The longest lag is this fraction of the recording, as an autocorrelation needs several of them."""
+_SHIFTS = (-4, -1, 1, 4)
+"""Lags by which inputs are shifted: next to the present, and well away from it, before and after."""
+_HIGH = 0.9
+"""Quantile of an output's magnitude: what lies above may be cut off by a limit."""
+_VARIES = 1e-12
+"""Of a row's largest magnitude: what varies less is a constant, but for rounding."""
 
 
 def features(inputs: FloatArray, predicted: FloatArray) -> dict[str, FloatArray]:
@@ -22,7 +33,7 @@ def features(inputs: FloatArray, predicted: FloatArray) -> dict[str, FloatArray]
     groups = {"time": [tau, tau**2 - 1.0 / 3.0, *(y * tau)]}
     if len(u):
         lag = _lag(u)
-        shifts = [np.roll(u, k * lag, axis=1) for k in (-4, -1, 1, 4)]
+        shifts = [np.roll(u, k * lag, axis=1) for k in _SHIFTS]
         rate = np.gradient(u, axis=1)
         few = _principal(u, _MOST_MULTIPLIED)
         rows, columns = np.triu_indices(len(few))
@@ -32,7 +43,7 @@ def features(inputs: FloatArray, predicted: FloatArray) -> dict[str, FloatArray]
             "distortions": [*np.sign(rate), *np.abs(u), *(u**3), *np.sign(u)],
         }
     if len(y):
-        high = np.quantile(np.abs(y), 0.9, axis=1)[:, None]
+        high = np.quantile(np.abs(y), _HIGH, axis=1)[:, None]
         slope = np.gradient(y, axis=1)
         groups["outputs"] = [*y, *(y**2), *(y**3), *(y - np.clip(y, -high, high)), *slope, *np.sign(slope)]
     return {name: _standard(np.array(rows_)) for name, rows_ in groups.items()}
@@ -47,7 +58,7 @@ def _standard(values: FloatArray) -> FloatArray:
             continue
         filled = row if there.all() else np.interp(np.arange(len(row)), np.flatnonzero(there), row[there])
         spread = float(np.std(filled))
-        if spread > 1e-12 * (1e-300 + float(np.max(np.abs(filled)))):
+        if spread > _VARIES * float(np.max(np.abs(filled))):
             kept.append((filled - np.mean(filled)) / spread)
     return np.array(kept).reshape(len(kept), values.shape[-1])
 
@@ -61,9 +72,9 @@ def _principal(u: FloatArray, most: int) -> FloatArray:
 
 
 def _lag(u: FloatArray) -> int:
-    """Return the samples after which the inputs' autocorrelation has fallen to 0.7, the median over inputs."""
+    """Return the samples in which the inputs' autocorrelation falls to `_CORRELATED`, the median over inputs."""
     n = u.shape[1]
     power = np.abs(np.fft.rfft(u, 2 * n, axis=1)) ** 2
-    correlation = np.fft.irfft(power, axis=1)[:, : max(n // 8, 2)] / n
+    correlation = np.fft.irfft(power, axis=1)[:, : max(n // _LONGEST_LAG_SHARE, 2)] / n
     falls = [int(np.argmax(row < _CORRELATED)) or len(row) - 1 for row in correlation]
     return max(int(np.median(falls)), 1)

@@ -9,10 +9,25 @@ from discrepancy.verdict import Signature, number
 from messages.arrays import ComplexArray, FloatArray
 
 _OF_MOST = 0.25
+"""Of the strongest channel's power over the noise's: a channel with less is not named."""
 _IN_BAND = (0.05, 0.95)
+"""Of the power over the noise's: the shares below the band's two ends, nine tenths between them."""
 _STRETCHES = 40
+"""Of the recording: how finely the time of a remainder is told."""
 _HELD = 0.9
+"""Of a remainder's power: what the time that is told holds."""
 _CONFINED = 0.4
+"""Of the recording: a remainder whose time is longer is there throughout."""
+_SEGMENT = 1024
+"""Samples of a segment of a spectrum: a bin is about a thousandth of the rate."""
+_LEAST_SEGMENTS = 4
+"""Of a coherence: a recording of fewer is cut into `_SHORT_SEGMENTS`."""
+_SHORT_SEGMENTS = 8
+"""Of a short recording, and the fewest samples of each: with overlap, fifteen of them."""
+_SEGMENTS_OF_AN_INPUT = 4
+"""Segments for each input of a coherence: its bias, inputs over segments, stays below a quarter."""
+_RIDGE = 1e-9
+"""Of the inputs' power: inputs that say the same leave the products solvable."""
 
 
 def nothing_left() -> Signature:
@@ -41,7 +56,7 @@ def signature(problem: Problem, white: Whitening, structured: FloatArray) -> Sig
 
 def power_density(values: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray]:
     """Return frequencies (k,) and one-sided power densities (k, c) of `values` (c, n), unit² / Hz."""
-    f_hz, density = signal.welch(values, rate_hz, nperseg=min(1024, values.shape[1]), axis=1, detrend=False)
+    f_hz, density = signal.welch(values, rate_hz, nperseg=min(_SEGMENT, values.shape[1]), axis=1, detrend=False)
     return np.asarray(f_hz, dtype=np.float64), np.asarray(density.T, dtype=np.float64)
 
 
@@ -50,8 +65,8 @@ def coherence(problem: Problem, residual: FloatArray, f_hz: FloatArray) -> Float
     inputs = np.nan_to_num(problem.channels.inputs.T)
     inputs = inputs[inputs.std(axis=1) > 0.0] if len(inputs) else inputs
     length = 2 * (len(f_hz) - 1)
-    if not len(inputs) or problem.n < 4 * length:
-        length = max(problem.n // 8, 8)
+    if not len(inputs) or problem.n < _LEAST_SEGMENTS * length:
+        length = max(problem.n // _SHORT_SEGMENTS, _SHORT_SEGMENTS)
     starts = np.arange(0, problem.n - length + 1, max(length // 2, 1))
     taper = np.hanning(length)
 
@@ -60,14 +75,14 @@ def coherence(problem: Problem, residual: FloatArray, f_hz: FloatArray) -> Float
         return np.asarray(np.fft.rfft((stack - stack.mean(axis=2, keepdims=True)) * taper, axis=2).transpose(2, 1, 0))
 
     own = np.fft.rfftfreq(length, 1.0 / problem.rate_hz)
-    k = min(len(inputs), max(len(starts) // 4, 0))
+    k = min(len(inputs), max(len(starts) // _SEGMENTS_OF_AN_INPUT, 0))
     if not k:
         return np.zeros((len(f_hz), problem.c))
     u, r = pieces(inputs[:k]), pieces(residual)
     cross = r @ u.conj().transpose(0, 2, 1)
     inner = u @ u.conj().transpose(0, 2, 1)
     trace = np.trace(inner, axis1=1, axis2=2).real[:, None, None] + np.finfo(float).tiny
-    told = np.linalg.solve(inner + 1e-9 * trace * np.eye(k), cross.conj().transpose(0, 2, 1))
+    told = np.linalg.solve(inner + _RIDGE * trace * np.eye(k), cross.conj().transpose(0, 2, 1))
     power = np.maximum(np.sum(np.abs(r) ** 2, axis=2), np.finfo(float).tiny)
     share = np.einsum("fcu,fuc->fc", cross, told).real / power
     chance = k / len(starts)

@@ -19,11 +19,15 @@ from messages.arrays import FloatArray
 _SHARE = 0.25
 """Of a channel's power over its running median: what one frequency alone does not hold in noise, however coloured."""
 _CHANCE = 0.001
+"""Of noise reaching as high a bin anywhere in a channel: a line alone condemns a model."""
 _MOST_AROUND = 101
+"""Bins about a line that tell the level there: it changes over more."""
 _LEAST_AROUND = 21
-"""Bins about a line that tell the level there: fewer tell none."""
+"""Likewise: fewer tell none."""
 _LEAST_CYCLES = 8
 """In the record: slower, no line can be told from drift."""
+_BESIDE = 1
+"""Bins to either side of a line's that belong to it: a frequency between two bins shows in both."""
 _PERIODOGRAM_SHARE = 4
 """The bins about a line are at most this fraction of all, for a spectrum is level over no more."""
 
@@ -58,7 +62,7 @@ def strongest_line(residual: FloatArray) -> Line | None:
         return None
     row = int(np.argmax(np.where(found, share, 0.0)))
     bins = fft.rfft(residual, axis=1)
-    near = np.abs(np.arange(bins.shape[1]) - np.argmax(over, axis=1)[:, None]) <= 1
+    near = np.abs(np.arange(bins.shape[1]) - np.argmax(over, axis=1)[:, None]) <= _BESIDE
     signal: FloatArray = fft.irfft(np.where(near & found[:, None], bins, 0.0), n, axis=1)
     return Line(row, int(np.argmax(over[row])), float(share[row]), signal)
 

@@ -19,11 +19,25 @@ from scipy.ndimage import binary_dilation
 from messages.arrays import BoolArray, ComplexArray, FloatArray
 
 _MOST_LAGS = 32
+"""Single lags, in samples: beyond, colour is slow enough for bands of them."""
+_LEAST_LAGS = 2
+"""Likewise, of a short recording: the least that tells a resonance."""
+_SAMPLES_OF_A_LAG = 60
+"""Of the recording, for each single lag: each weight is estimated from so many."""
+_LONGEST_LAG_SHARE = 12
+"""The longest lag is at most this fraction of the recording: slower noise is seen too few times."""
 _LOADING = 1e-5
 """Of a residual's power: white noise assumed below it, so that bands without any noise cannot outweigh all."""
 _RUN_IN = 8
+"""Samples after a gap that do not count: by then the filter, whose first lags weigh most, sees mostly true ones."""
 _MIXED_SHARE = 0.9
+"""Of the channel with most samples, those that all have: channels are mixed only where few samples are lost by it."""
 _MOST_MIXED = 16
+"""Channels: the covariance of more has too many entries for a short recording."""
+_COVARIANCE_LOADING = 1e-9
+"""Of each channel's innovation: channels that hold the same noise leave their covariance invertible."""
+_LEAST_RESPONSE = 1e-300
+"""Of a filter, squared: where it takes all away, the density stays finite."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +72,7 @@ class Whitening:
         """Return the one-sided power density (k, c) of the noise at `f_hz`, unit² / Hz."""
         grid = np.linspace(0.0, 0.5 * rate_hz, self.response.shape[1])
         innovation = np.diag(np.linalg.inv(self.mix) @ np.linalg.inv(self.mix).T)
-        density = 2.0 / rate_hz * innovation[:, None] / np.maximum(np.abs(self.response) ** 2, 1e-300)
+        density = 2.0 / rate_hz * innovation[:, None] / np.maximum(np.abs(self.response) ** 2, _LEAST_RESPONSE)
         return np.column_stack([np.interp(f_hz, grid, row) for row in density])
 
 
@@ -80,7 +94,7 @@ def whitening(residual: FloatArray, valid: BoolArray) -> Whitening:
         kept = np.broadcast_to(together, kept.shape).copy()
         counted = innovations[:, together]
         covariance = counted @ counted.T / counted.shape[1]
-        covariance[np.diag_indices(c)] *= 1.0 + 1e-9
+        covariance[np.diag_indices(c)] *= 1.0 + _COVARIANCE_LOADING
         covariance[np.diag_indices(c)] += np.finfo(float).tiny
         lower = np.linalg.cholesky(covariance)
         mix = np.linalg.inv(lower)
@@ -105,9 +119,9 @@ def _filtered(values: FloatArray, response: ComplexArray, reach: int) -> FloatAr
 
 def _bands(n: int) -> list[tuple[int, int]]:
     """Return first and last lag of each regressor of (1)."""
-    single = int(np.clip(n // 60, 2, _MOST_LAGS))
+    single = int(np.clip(n // _SAMPLES_OF_A_LAG, _LEAST_LAGS, _MOST_LAGS))
     bands = [(lag, lag) for lag in range(1, single + 1)]
-    while 2 * bands[-1][1] <= n // 12:
+    while 2 * bands[-1][1] <= n // _LONGEST_LAG_SHARE:
         first = bands[-1][1] + 1
         bands.append((first, 2 * (first - 1)))
     return bands

@@ -16,9 +16,17 @@ if TYPE_CHECKING:
 BEFORE, AFTER, FLOOR = "#c2622d", "#1f5a85", "#8a8f94"
 _INK, _RULE = "#3c4146", "#d5d9dc"
 _MOST_CHANNELS = 8
+"""In a figure: more rows do not fit a page."""
 _STANDS_OUT = 1.2
+"""Times the noise's power: a base residual below it shows nothing."""
 _BINS = 360
-_LOWEST_SHOWN = 5.0  # percent of a figure's densities may lie below it, as at the edge of a filter's band
+"""Spans of time in a row: each is between one and two points wide."""
+_LOWEST_SHOWN = 5.0
+"""Percent of a figure's densities that may lie below it, as at the edge of a filter's band."""
+_BELOW_LOWEST = 0.3
+"""Times that density: where a figure ends, half a decade lower."""
+_SHADE_DEPTH = 10.0
+"""By which the lowest noise is divided for the lower edge of its shading: it reaches below every line."""
 
 
 def shown_channels(view: View) -> list[int]:
@@ -63,7 +71,9 @@ def spectra_svg(view: View) -> str:
         for axes, channel in zip(cells, shown, strict=False):
             name, unit = channel_name(view.channels.names[channel])
             noise = spectrum.noise[seen, channel]
-            axes.fill_between(spectrum.f_hz[seen], noise, np.fmin.reduce(noise) / 10.0, color=FLOOR, alpha=0.25, lw=0)
+            axes.fill_between(
+                spectrum.f_hz[seen], noise, np.fmin.reduce(noise) / _SHADE_DEPTH, color=FLOOR, alpha=0.25, lw=0
+            )
             for density, colour in ((spectrum.before, BEFORE), (spectrum.after, AFTER)):
                 axes.plot(spectrum.f_hz[seen], density[seen, channel], color=colour, linewidth=1.1)
             axes.set(xscale="log", yscale="log", title=name, ylabel=f"({unit})²/Hz" if unit else "1/Hz")
@@ -71,7 +81,7 @@ def spectra_svg(view: View) -> str:
             densities = [density[seen, channel] for density in (spectrum.before, spectrum.after, spectrum.noise)]
             positive = np.concatenate([density[density > 0.0] for density in densities])
             if len(positive):
-                axes.set_ylim(bottom=0.3 * float(np.percentile(positive, _LOWEST_SHOWN)))
+                axes.set_ylim(bottom=_BELOW_LOWEST * float(np.percentile(positive, _LOWEST_SHOWN)))
         for axes in cells[len(shown) :]:
             axes.remove()
         for axes in cells[max(0, len(shown) - 2) : len(shown)]:

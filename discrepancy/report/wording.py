@@ -11,13 +11,17 @@ _READ_AS = {
     "rad/s": (180.0 / math.pi, "°/s"),
     "1": (1.0, ""),
 }
-_SMALL = 1.0  # above it, seconds and metres are read as they are
+_SMALL = 1.0
+"""Seconds or metres: from it on they are read as they are, below in thousandths."""
 _SMALL_SHARE = 0.1
+"""Below it a share has a decimal of a percent: a whole percent would be a tenth of it."""
 _UNIT_SUFFIXES = frozenset(
     ["s", "m", "mm", "rad", "radps", "radps2", "mps", "mps2", "n", "ns", "nm", "kg", "kgm", "kgm2", "hz", "px", "degc"]
 )
 _MOST_DECIMALS = 6
+"""Of a number that is written out: with more it is written with an exponent."""
 _WHOLE = 100.0
+"""A rise of χ² from which on its decimals say nothing."""
 NOT_TOLD = "–"
 
 

@@ -14,6 +14,9 @@ from discrepancy.simulation import Effect
 from messages.arrays import FloatArray
 
 _RIDGE = 1e-9
+"""Of each column's power: columns that say the same share one weight."""
+_ROUNDS = 2
+"""Estimates of the noise: the first weighs all frequencies alike, the second by the first."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,7 @@ def _finite(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(values), values, 0.0)
 
 
-def noise_beneath(problem: Problem, residual: FloatArray, columns: FloatArray, rounds: int = 2) -> Whitening:
+def noise_beneath(problem: Problem, residual: FloatArray, columns: FloatArray, rounds: int = _ROUNDS) -> Whitening:
     """Return the whitening by what no column (m, c, n) explains of `residual` (c, n).
 
     A filter estimated from the residual itself would take a missing effect for colour and swallow it; what is left

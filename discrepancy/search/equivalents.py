@@ -6,8 +6,11 @@ from discrepancy.search.search import Search
 from discrepancy.verdict import MOST_EQUIVALENTS
 
 SAME_CHI2 = 10.0
+"""By how much χ² may be higher with a rival that counts as the same: little more than one parameter's price."""
 _TRIED = 6
+"""Rivals that are refitted for each cause: more than a verdict names."""
 _MORE_PARAMETERS = 1
+"""That a rival may need beyond the cause's own: with more, it fits as well only by being freer."""
 
 
 def equivalents(
@@ -16,7 +19,7 @@ def equivalents(
     """Return for each cause the effects that fit as well in its place, best first, with the rise of χ² that each makes,
     and the rise of the best one that does not.
 
-    A rival is the same if the refitted set is within 10 in χ² and needs at most one parameter more. Where no rival
+    A rival is the same if the refitted set is within `SAME_CHI2` and needs at most one parameter more. Where no rival
     came near enough to be refitted its χ² is missing.
     """
     best = search.rated(best)

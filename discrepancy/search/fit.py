@@ -17,16 +17,33 @@ from messages.arrays import FloatArray
 from messages.constants import NORMAL_95
 
 MOST_STEPS = 20
+"""Of one fit: one that has not converged by then creeps along a ridge, which tells no set of causes from another."""
 _SLOW = 0.1
 """Of the last step's promise: where a step promises more than that, the kept columns hold the fit back."""
 _GAIN_ENOUGH = 0.05
+"""In χ²: a step that promises or brings less ends a fit, as no decision turns on so little."""
 _DAMPING = 1e-6
+"""Of each parameter's own curvature: next to none, where a fit begins and as far as it is eased."""
 _MOST_DAMPING = 1e3
+"""Likewise: a step this short is none, and the fit ends."""
+_EASED, _RAISED = 0.1, 10.0
+"""Times the damping, after a step that brings what it promised, and after one that does not."""
+_LEAST_RAISED = 1e-4
+"""Of the curvature, before it is raised: less would not shorten the next step."""
+_RIDGE = 1e-10
+"""Of each parameter's own curvature: parameters that say the same leave the matrix invertible."""
 _FAITHFUL = 0.5
 """Of the fall in χ² that the columns promise: where less comes, they are stale or the step is too long."""
-_BLOCKS = 32
+BLOCKS = 32
+"""Stretches of a recording whose scores are compared: enough for their spread, each long beside the noise's memory."""
 _NUMERICAL = 0.1
 """Of a parameter's scale: what a simulation's own numerics may be off by, and no interval claims to exclude."""
+_TAKEN = 0.5
+"""Of the way to an interval's end: where bounds leave less of it, the profile there tells nothing."""
+_LEAST_RISE = 1e-3
+"""Of the rise of χ² that an interval's end must show: a smaller one, or a fall, counts as this."""
+_MOST_MOVED = 3.0
+"""Times the interval's half width: a profile along one line tells no more of an end further out."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +108,8 @@ class Fitter:
                 share = (found.chi2 - chi2) / promised
                 if share > 0.0:
                     found, e, predicted = Fit(values, residual, chi2, tuple(keys)), left, tried
-                damping = max(damping * 0.1, _DAMPING) if share > _FAITHFUL else max(damping, 1e-4) * 10.0
+                kept = share > _FAITHFUL
+                damping = max(damping * _EASED, _DAMPING) if kept else max(damping, _LEAST_RAISED) * _RAISED
             stale = refreshed is not found and bool(problem.base) and bool(keys)
             slow = share < _FAITHFUL or promised > _SLOW * expected
             expected = promised
@@ -117,7 +135,7 @@ class Fitter:
         high = (np.array([each.high for each in p]) - at) / scale
         size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
         scaled = gram / np.outer(size, size)
-        scaled[np.diag_indices(len(size))] += damping + 1e-10
+        scaled[np.diag_indices(len(size))] += damping + _RIDGE
         delta = np.zeros(len(keys))
         free = np.ones(len(keys), bool)
         for _ in range(len(keys)):
@@ -163,14 +181,14 @@ def intervals(problem: Problem, white: Whitening, found: Fit, columns: FloatArra
     gram = J @ J.T
     size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
     scaled = gram / np.outer(size, size)
-    scaled[np.diag_indices(len(size))] += 1e-10
+    scaled[np.diag_indices(len(size))] += _RIDGE
     fisher = np.linalg.inv(scaled) / np.outer(size, size)
-    edges = np.linspace(0, problem.n, _BLOCKS + 1).astype(int)
+    edges = np.linspace(0, problem.n, BLOCKS + 1).astype(int)
     shaped, left = J.reshape(len(keys), problem.c, problem.n), e.reshape(problem.c, problem.n)
     scores = np.stack(
         [np.einsum("pcn,cn->p", shaped[:, :, a:b], left[:, a:b], optimize=True) for a, b in pairwise(edges)]
     )
-    sandwich = fisher @ (scores.T @ scores) @ fisher * (_BLOCKS / (_BLOCKS - 1.0))
+    sandwich = fisher @ (scores.T @ scores) @ fisher * (BLOCKS / (BLOCKS - 1.0))
     grown = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(fisher), 1.0))
     covariance = fisher * np.outer(grown, grown)
     scale = np.array([problem.parameters[key].scale for key in keys])
@@ -205,7 +223,7 @@ def _profile(
     moved = problem.shifted(found.values, keys, along)
     p = problem.parameters[keys[row]]
     taken = abs(moved[keys[row]] - found.values[keys[row]]) / p.scale
-    if taken < 0.5 * wanted:
+    if taken < _TAKEN * wanted:
         return 1.0
     e = white(problem.residual(moved)).reshape(-1)
     others = np.delete(np.arange(len(keys)), row)
@@ -214,7 +232,7 @@ def _profile(
         score, gram = J[others] @ e, J[others] @ J[others].T
         size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
         scaled = gram / np.outer(size, size)
-        scaled[np.diag_indices(len(size))] += 1e-10
+        scaled[np.diag_indices(len(size))] += _RIDGE
         chi2 -= float((score / size) @ np.linalg.solve(scaled, score / size))
     rise = (chi2 - found.chi2) / (NORMAL_95 * grown * taken / wanted) ** 2
-    return float(np.clip(1.0 / np.sqrt(max(rise, 1e-3)), 1.0, 3.0))
+    return float(np.clip(1.0 / np.sqrt(max(rise, _LEAST_RISE)), 1.0, _MOST_MOVED))

@@ -21,14 +21,19 @@ import numpy as np
 
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate
+from discrepancy.search.fit import BLOCKS
 from messages.arrays import FloatArray
 
 PENALTY = 8.0
 """By what each parameter must lower χ² to be worth naming, beside what chance reaches."""
 _DRAWS = 1000
+"""Of noise: ten of them lie beyond the threshold of `_CHANCE`."""
 _CHANCE = 0.01
+"""Of noise giving the best of all candidates as much: a cause that is less surprising is not taken in."""
 _RIDGE = 1e-9
-_BLOCKS = 32
+"""Of each column's power: columns that say the same leave their products solvable."""
+_NOISE_RIDGE = 1e-6
+"""Likewise, of all the library's columns together, which say the same far more often."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +82,7 @@ def _noise(
     """Return what of the residual (c · n,) no column explains."""
     size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
     scaled = gram / np.outer(size, size)
-    scaled[np.diag_indices(len(size))] += 1e-6
+    scaled[np.diag_indices(len(size))] += _NOISE_RIDGE
     share = np.linalg.solve(scaled, score / size) / size
     left: FloatArray = e - share @ stack[base:]
     if len(own):
@@ -89,7 +94,7 @@ def _inflation(
     rest: FloatArray, own: FloatArray, weight: FloatArray, e: FloatArray, gram: FloatArray, samples: int
 ) -> FloatArray:
     """Return how much more than the Gram matrix says each score varies between stretches, at least 1."""
-    edges = np.linspace(0, samples, _BLOCKS + 1).astype(int)
+    edges = np.linspace(0, samples, BLOCKS + 1).astype(int)
     e = e.reshape(-1, samples)
     sums = np.stack(
         [np.concatenate((_part(rest, e, a, b), _part(own, e, a, b))) for a, b in pairwise(edges)],

@@ -64,10 +64,10 @@ class Mpu6050:
     whose specific force is therefore 1.0 ms younger than `t_sample_ns` says. `seq` numbers the chip's samples, lost
     ones included.
 
-    Faults climb a ladder: a register transfer is tried three times; then the bus is opened anew; then, if the chip
+    Faults are met in steps: a register transfer is tried three times; then the bus is opened anew; then, if the chip
     lost its configuration or still fails, it is reset and configured; then DeviceError is raised, and the next `read`
     starts over. Once a second, and when samples stop for three periods, the configuration is read back, because a
-    brown-out silently returns the chip to sleep. After a mending no sample is delivered before one has come that
+    brown-out silently returns the chip to sleep. After a recovery no sample is delivered before one has come that
     differs from its predecessor.
     """
 
@@ -130,8 +130,8 @@ class Mpu6050:
     def read(self, timeout_s: float) -> Sequence[ImuSample]:
         """Return all samples taken since the last call, oldest first; empty if none came within `timeout_s`.
 
-        With 0 the chip is looked at once, at once. Raises DeviceError when the ladder is at its end, or when another
-        chip answers; a later call starts over. Mending the chip may take a quarter of a second longer.
+        With 0 the chip is asked once, without waiting. Raises DeviceError when the last step has failed, or when
+        another chip answers; a later call starts over. Recovery may take a quarter of a second longer.
         """
         end_ns = self._clock() + round(timeout_s * 1e9)
         while True:

@@ -1,8 +1,9 @@
 """What may have made the printed tables: the platform's effects and some beyond, each a change of one stored run.
 
 The range of each size is fixed here, before anything is compared: that which the finder's cases are drawn from, where
-it has one. Geometry, gains, play and held samples are `systems.platform`'s own; filters, rounding and the tape are not,
-because the finder's model acts on what is left below 60 Hz, and the thesis's estimator needs the whole recording.
+it has one. The sensor's height and rotation, play and held samples are `systems.platform`'s formulas. All else is
+written in `lab.thesis`: gains as matrices here; filters, rounding and the tape because the finder's model acts on what
+is left below 60 Hz, and the thesis's estimator needs the whole recording.
 """
 
 from collections.abc import Callable, Mapping

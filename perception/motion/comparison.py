@@ -201,3 +201,4 @@ def _centred(values: FloatArray) -> FloatArray:
 
 
 _TINY = 1e-12
+"""Least square of rates or velocities, (rad/s)² or (m/s)², as a divisor: nothing moves, and the deviation is large."""

@@ -36,31 +36,31 @@ class ConsistencySettings:
     without a picture that shows motion, it is unknown whether it still agrees.
     """
 
-    window_s: float = 1.0
-    recent_s: float = 0.3
-    least_steps: int = 9
-    most_unobserved_rad: float = 0.8
-    longest_lag_s: float = 0.1
-    lag_grid_s: float = 0.01
-    most_lag_s: float = 0.012
-    most_lag_deviation_s: float = 0.003
-    rate_noise_radps: float = 0.06
-    rate_share: float = 0.2
-    least_rate_swing_radps: float = 0.12
+    window_s: float = 1.0  # about a stride: every axis moves in it
+    recent_s: float = 0.3  # of a window: shows first that the IMU agrees again
+    least_steps: int = 9  # in a window: half of the frames of a second
+    most_unobserved_rad: float = 0.8  # by then a wrong gyroscope has spoilt the attitude
+    longest_lag_s: float = 0.1  # either way: two frames
+    lag_grid_s: float = 0.01  # the IMU's period
+    most_lag_s: float = 0.012  # an attitude so late errs by a degree at 1.5 rad/s
+    most_lag_deviation_s: float = 0.003  # a quarter of that: else the lag is not known
+    rate_noise_radps: float = 0.06  # of the camera's rates and of vibration
+    rate_share: float = 0.2  # for errors that grow with the motion, as of a lens; a wrong sign leaves 2
+    least_rate_swing_radps: float = 0.12  # twice the noise
     most_gyro_bias_radps: float = 0.15  # of a calibrated one
-    most_mount_rad: float = math.radians(6.0)
-    most_mount_deviation_rad: float = math.radians(3.0)
-    velocity_noise_mps: float = 0.06
-    velocity_share: float = 0.4
-    least_velocity_swing_mps: float = 0.04
+    most_mount_rad: float = math.radians(6.0)  # a camera knocked out of place, not one that swings a little
+    most_mount_deviation_rad: float = math.radians(3.0)  # half of that: else the turn is not known
+    velocity_noise_mps: float = 0.06  # of the camera's velocities and of the accelerometer, twice integrated
+    velocity_share: float = 0.4  # for errors that grow with the motion, as of depth; a wrong sign leaves 2
+    least_velocity_swing_mps: float = 0.04  # with less, even a wrong sign stays near the noise
     most_gain_error: float = 1.0
-    most_gain_deviation: float = 0.6
-    least_gain_swing_mps: float = 0.015
+    most_gain_deviation: float = 0.6  # below `most_gain_error`: else the gain is not known
+    least_gain_swing_mps: float = 0.015  # that an axis adds: with less, errors of the others pass for its gain
     gravity_mps2: float = STANDARD_GRAVITY_MPS2
-    most_gravity_error_mps2: float = 0.3
-    agreeing: float = 0.8
-    confirmations: int = 3
-    longest_gap_s: float = 0.035
+    most_gravity_error_mps2: float = 0.3  # 3 % of gravity, beside what the calibration itself may be off by
+    agreeing: float = 0.8  # of the bound of contradiction: a verdict does not change to and fro
+    confirmations: int = 3  # windows in a row: one picture may mislead
+    longest_gap_s: float = 0.035  # between samples: two may be missing at 100 Hz
 
 
 class Verdict(enum.Enum):
@@ -270,8 +270,11 @@ _GYRO = (Subject.GYRO_X, Subject.GYRO_Y, Subject.GYRO_Z)
 _ACCEL = (Subject.ACCEL_X, Subject.ACCEL_Y, Subject.ACCEL_Z)
 _OF_IMU = (Subject.MOUNT, *_GYRO, *_ACCEL, Subject.GRAVITY)
 _FAR_SIGMAS = 3.0
+"""Deviations that an error of the calibration, or of an estimate, may have."""
 _MOST_APART_S = 0.02
+"""Between the end of one step and the beginning of the next, whose rows differ: less than half a frame."""
 _WINDOW_SLACK = 1.2
+"""Times what a window needs, which steps are kept for: frames come unevenly."""
 
 
 class _HeldVerdict:

@@ -83,18 +83,19 @@ class VisualOdometer:
     right eye sees the corners of the newest pair lower than the calibration says, their median; NaN if unknown.
     """
 
+    # Pixels are those of the reduced picture, but for `skew_px` itself.
     width_px = 320
-    corners = 60
-    corner_quality = 0.02
-    corner_spacing_px = 12
-    longest_step_s = 0.125
-    least_tracks = 20
-    most_return_px = 0.5
-    most_skew_px = 1.0
-    most_skew_spread_px = 0.2
-    least_noise_px = 0.03
-    most_noise_px = 0.5
-    rounds = 4
+    corners = 60  # at most: three times what is needed, and little work
+    corner_quality = 0.02  # of the best corner's, at least (OpenCV's measure): faint texture still has some
+    corner_spacing_px = 12  # about a tracking window, so that corners differ and spread over the picture
+    longest_step_s = 0.125  # one frame of 20 Hz may be missing: later, corners have moved too far
+    least_tracks = 20  # for six unknowns, and for a median that outliers do not move
+    most_return_px = 0.5  # a corner followed forth and back ends where it began
+    most_skew_px = 1.0  # between the eyes' rows: a larger one is a false match
+    most_skew_spread_px = 0.2  # median about the median: more, and the matches do not agree on any skew
+    least_noise_px = 0.03  # of tracking, however still the picture
+    most_noise_px = 0.5  # above it the corners do not move as one rigid body
+    rounds = 4  # of Gauss-Newton: from the step before on, more change nothing
 
     def __init__(self, stereo: StereoCalibration) -> None:
         self.raw_size_px = (stereo.left.width_px, stereo.left.height_px)
@@ -249,7 +250,7 @@ class VisualOdometer:
             misfit = np.stack((seen[:, 0] - x, seen[:, 1] - y), axis=1)
             distance = np.hypot(misfit[:, 0], misfit[:, 1])
             noise = max(least, float(np.median(distance)) / _MEDIAN_OF_RAYLEIGH)
-            weight = np.clip(1.0 - (distance / (4.685 * noise)) ** 2, 0.0, None) ** 2
+            weight = np.clip(1.0 - (distance / (_TUKEY_SIGMAS * noise)) ** 2, 0.0, None) ** 2
             flow = _flow(x, y, 1.0 / moved_C[:, 2], intervals_s)
             weighted = flow * weight[:, None, None]
             try:
@@ -258,7 +259,7 @@ class VisualOdometer:
                 return None
             pull = np.einsum("ij,nrj->inr", inverse, weighted)
             rates = rates + np.einsum("inr,nr->i", pull, misfit)
-        inliers = int(np.count_nonzero(distance < 3.0 * noise))
+        inliers = int(np.count_nonzero(distance < _INLIER_SIGMAS * noise))
         if inliers < self.least_tracks or noise > most:
             return None
         return _Solution(rates, noise**2 * inverse, pull, flow, weight / weight.sum(), inliers)
@@ -319,11 +320,21 @@ def _reduced(lens: Lens, divisor: int) -> Lens:
 _ORIGIN = np.zeros(3)
 _X_AXIS = np.array([1.0, 0.0, 0.0])
 _COARSE_SEARCH = DisparityRange(0, 32)
+"""Of the coarse picture: from infinity to what is nearer than any ground."""
 _LEAST_DISPARITY_PX = 1.5
+"""Of the coarse picture: with less, depth is hardly known at all."""
 _LEAST_DEPTH_M = 0.1
+"""In front of the camera: a point nearer is no solution."""
 _MEDIAN_OF_RAYLEIGH = 1.1774
+"""Over the deviation of either coordinate."""
+_TUKEY_SIGMAS = 4.685
+"""From which on a point has no weight: 95 % efficiency with normal noise."""
+_INLIER_SIGMAS = 3.0
+"""Within which a point counts as agreeing: of normal noise, 99 % of the points."""
 _WINDOW_PX = (11, 11)
+"""Followed about a corner: more would reach over edges in depth."""
 _STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 10, 0.03)
+"""Steps at most, and in px the step that ends the search: no longer than `least_noise_px`."""
 
 
 def _corners(image: GreyImage, most: int, quality: float, spacing_px: float) -> Float32Array:

@@ -26,13 +26,13 @@ class TurnBalanceSettings:
     of the last `settled_s` differ by less than `settled_rad` together.
     """
 
-    memory_s: float = 1.0
-    most_rad: float = math.radians(1.7)
-    share: float = 0.05
-    usual_s: float = 6.0
-    known_s: float = 1.0
-    settled_s: float = 0.4
-    settled_rad: float = math.radians(0.9)
+    memory_s: float = 1.0  # about a stride, over which the camera's own errors average out
+    most_rad: float = math.radians(1.7)  # above what noise and the clocks' lag leave in a stride
+    share: float = 0.05  # for errors that grow with the turn: lenses, scale, lag
+    usual_s: float = 6.0  # some strides: a bias changes far more slowly
+    known_s: float = 1.0  # before it, the bias is not known and nothing contradicts
+    settled_s: float = 0.4  # some steps in one piece, so that one lucky step is not enough
+    settled_rad: float = math.radians(0.9)  # about half of `most_rad`, so that it does not contradict at once again
 
 
 class Turn(NamedTuple):

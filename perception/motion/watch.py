@@ -26,8 +26,8 @@ class MotionWatch:
     `most_skew_px`.
     """
 
-    most_skew_px = 2.0
-    confirmations = 3
+    most_skew_px = 2.0  # raw pixels, up or down
+    confirmations = 3  # frames: one good frame among bad ones is chance
 
     def __init__(self, calibration: UnitCalibration) -> None:
         self._imu = calibration.imu

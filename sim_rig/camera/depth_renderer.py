@@ -39,7 +39,7 @@ class DepthErrors:
 
 
 NO_ERRORS = DepthErrors(0.0, 0.0, 0.0, 0.0, 0.0, np.inf)
-"""The exact depth but for what the inner pair cannot both see, and for the whole steps it is told in."""
+"""The exact depth but for what the inner pair cannot both see, and for its rounding to whole steps."""
 
 
 class DepthRenderer:

@@ -103,7 +103,7 @@ class V4l2Node:
     Frames are exposed on `clock` at the rate set, or every `slow_period_s` if that is longer, as when a camera exposes
     longer in poor light; they become ready `transfer_s` after their stamp. `faults` and `stamp_jitter_s` go by the
     frame's number since the node was made. `held` says that another program streams. With `phase_ns` the camera runs
-    freely: exposures start at whole periods from there, whenever it was told to stream. `frame_start_ns` tells the
+    freely: exposures start at whole periods from there, whenever streaming was switched on. `frame_start_ns` tells the
     scene and the faults when the frame they are asked for began. `rates_hz`, if given, are those of all modes. `link`
     is a lasting name of the node, whatever its number. `zed` is its extension unit, if it has one.
     """

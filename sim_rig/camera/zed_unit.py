@@ -54,8 +54,8 @@ class ZedUnit:
         if request.query == uvc.UVC_SET_CUR:
             self._command(bytes(request.data[: request.size]))
             return
-        told = self.length.to_bytes(2, "little") if request.query == uvc.UVC_GET_LEN else self._answer
-        ctypes.memmove(request.data, told, len(told))
+        answer = self.length.to_bytes(2, "little") if request.query == uvc.UVC_GET_LEN else self._answer
+        ctypes.memmove(request.data, answer, len(answer))
 
     def _command(self, packet: bytes) -> None:
         task, bus, device, address_bytes, value_bytes = packet[:5]

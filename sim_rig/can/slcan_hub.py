@@ -1,4 +1,4 @@
-"""A CAN bus on loopback TCP: every slcan client (`socket://127.0.0.1:PORT`) hears the frames of all others.
+"""A CAN bus on loopback TCP: every slcan client (`socket://127.0.0.1:PORT`) receives the frames of all others.
 
 It stands in for a serial adapter where a bus has to reach another process without kernel CAN and without a network.
 """

@@ -28,8 +28,8 @@ class I2cChip(Protocol):
 class I2cWires:
     """The two wires, the chips on them and their faults. `open` is what a driver calls.
 
-    `elapse` is told how long each part of a transfer takes on the wires, in seconds (`time.sleep` for real time; a
-    simulated clock's own; nothing by default). `smbus_only` refuses combined transfers as i2c-stub does.
+    `elapse` is called with how long each part of a transfer takes on the wires, in seconds (`time.sleep` for real time;
+    a simulated clock's own; nothing by default). `smbus_only` refuses combined transfers as i2c-stub does.
     """
 
     def __init__(

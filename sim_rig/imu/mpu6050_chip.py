@@ -157,7 +157,7 @@ class Mpu6050Chip:
             self._chain.change_clock(change, self._completed)
 
     def freeze(self, frozen: bool = True) -> None:
-        """Hold (or release) the sensor values while all else goes on: a hung signal chain that no reset wakes."""
+        """Hold (or release) the sensor values while all else goes on: a hung signal chain that no reset restarts."""
         self._held = self._outputs if frozen else b""
 
     def _reset(self) -> None:

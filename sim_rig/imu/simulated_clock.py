@@ -2,7 +2,7 @@
 
 
 class SimulatedClock:
-    """Nanoseconds that pass only when told to."""
+    """Nanoseconds that pass only in `sleep` and `advance_to`."""
 
     def __init__(self, now_ns: int) -> None:
         self._now_ns = now_ns

@@ -94,8 +94,8 @@ class AnkleRun:
         """Return (n,) where the flat foot is perturbed; of a ramp from its onset to before the reflex."""
         moved = np.array([kind is not Perturbation.NONE for kind in self.perturbation])[self.cycle]
         after_s = self.t_s - self.onset_s[self.cycle]
-        felt: BoolArray = np.isnan(after_s) | ((after_s >= 0.0) & (after_s < _REFLEX_DELAY_S))
-        perturbed: BoolArray = self.flat & moved & felt
+        in_time: BoolArray = np.isnan(after_s) | ((after_s >= 0.0) & (after_s < _REFLEX_DELAY_S))
+        perturbed: BoolArray = self.flat & moved & in_time
         return perturbed
 
 

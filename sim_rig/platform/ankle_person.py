@@ -22,7 +22,7 @@ _STANDING_PER_KG: Final = np.full(9, 4.5)
 _INVERSION_SHARE: Final = 0.33
 _TORQUE_SHARE: Final = np.array([0.0, 0.08, 0.2, 0.4, 0.6, 0.75, 0.85, 1.0])
 _TORQUE_PER_KG: Final = np.array([0.0, 0.10, -0.05, -0.45, -0.95, -1.35, -1.20, 0.0])
-"""About Z, as the sensor feels it: a dorsiflexing moment first, then the calf's."""
+"""About Z, as the sensor reads it: a dorsiflexing moment first, then the calf's."""
 _SHANK_RAD: Final = (-0.22, 0.35)
 _FOOT_OF_KG: Final = 0.0155
 _DAMPED_KGM2: Final = np.array([0.02, 0.008])
@@ -61,7 +61,7 @@ class Person:
         return damping
 
     def usual_moment(self, stance: FloatArray) -> FloatArray:
-        """Return the moment (..., 2) that the platform feels about the ankle with no perturbation."""
+        """Return the moment (..., 2) on the platform about the ankle with no perturbation."""
         if not self.walks:
             return np.broadcast_to(self.mass_kg * np.array([-0.30, 0.02]), (*stance.shape, 2))
         about_z = self.mass_kg * CubicSpline(_TORQUE_SHARE, _TORQUE_PER_KG)(stance)

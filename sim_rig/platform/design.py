@@ -19,7 +19,7 @@ from impedance.identification.mechanism import UniversalJoint, level_rest
 from sim_rig.platform.rig import PLATE, THESIS_NOISE, Rig
 
 AMPLITUDES_DEG: Final = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5)
-COLUMNS: Final = ("limit", "rms α_y", "time", "all else known", "none beats", "θ", "φ")
+COLUMNS: Final = ("limit", "rms α_y", "time", "all else known", "at least", "θ", "φ")
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class DesignedRun:
     def _strongest(self, axis: int) -> str:
         lines = self.design.excitation
         size = np.abs(lines.amplitude_rad[axis])
-        told = [k for k in np.argsort(-size)[:2] if size[k] > 0.1 * size.max()]
-        return " + ".join(f"{np.rad2deg(size[k]):.2f}°·{lines.f_hz[k]:g} Hz" for k in told)
+        shown = [k for k in np.argsort(-size)[:2] if size[k] > 0.1 * size.max()]
+        return " + ".join(f"{np.rad2deg(size[k]):.2f}°·{lines.f_hz[k]:g} Hz" for k in shown)
 
 
 def designed_for(limits: MotionLimits, share: float, seed: int) -> DesignedRun:

@@ -1,4 +1,4 @@
-"""What the two actuators are told: torques about Z and X as functions of time."""
+"""The two actuators' commands: torques about Z and X as functions of time."""
 
 from collections.abc import Callable
 

@@ -61,7 +61,7 @@ class Rig:
 
     @property
     def above_sensor(self) -> Inertia:
-        """Return what the force plate feels as one body in P."""
+        """Return what the force plate carries, as one body in P."""
         if self.foot is None:
             return self.plate
         return self.plate.joined(self.foot.seen_from(np.eye(3), np.array(self.foot_origin_m)))

@@ -120,8 +120,8 @@ def measured(
 ) -> PlatformRecording:
     """Return what the laboratory records of a run: tared by the bare plate at rest, with a draw of `noise`, or without.
 
-    `plate` is what an earlier run told of the plate; the recording carries it in its settings. The plate's mass is
-    known in any case. Drawing anew costs no simulation.
+    `plate` is the plate's inertia as an earlier run measured it; the recording carries it in its settings. The
+    plate's mass is known in any case. Drawing anew costs no simulation.
     """
     rig = run.settings.rig
     deviations = noise or Noise(0.0, 0.0, 0.0, 0.0)

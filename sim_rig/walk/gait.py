@@ -167,10 +167,10 @@ class Gait:
         latest = np.searchsorted(self._strike_s, t_lap, side="right") - 1
         q, dq, ddq = self._bursts.none(len(t_lap))
         for index in (latest, latest - 1):
-            felt, strike = index >= 0, np.maximum(index, 0)
-            strength = np.where(felt, self._strike_strength[strike], 0.0)
+            struck, strike = index >= 0, np.maximum(index, 0)
+            strength = np.where(struck, self._strike_strength[strike], 0.0)
             side = np.where(index % 2 == 0, 1.0, -1.0)
-            terms = self._bursts.after(np.where(felt, t_lap - self._strike_s[strike], 0.0), strength, side)
+            terms = self._bursts.after(np.where(struck, t_lap - self._strike_s[strike], 0.0), strength, side)
             q, dq, ddq = q + terms[0], dq + terms[1], ddq + terms[2]
         return q, dq, ddq
 

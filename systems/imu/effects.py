@@ -14,9 +14,25 @@ from systems.imu.motion import Reading
 AXES: Final = ("x", "y", "z")
 _PAIRS: Final = tuple(a + b for a in AXES for b in AXES if a != b)
 REFERENCE_DEGC: Final = 25.0
+"""At which the bias by temperature is none: where data sheets state a bias."""
 _SEARCHED_S: Final = 0.5
+"""Of lag, either way: the bound of a time offset."""
 _TELLING_S: Final = 0.004
 """A lag beyond which the linear view from zero misleads."""
+_DRIFTING_S: Final = 30.0
+"""Over which a drift is judged by the lag that it adds up to."""
+_CUT_OFFS_HZ: Final = (4.0, 12.0, 30.0)
+"""Where fits of a low pass begin: below, within and at the end of what a limb's motion holds."""
+_MOUNTS_HZ: Final = (9.0, 14.0, 22.0, 40.0)
+"""Resonances where fits of a mount begin, a factor of about 1.6 apart: a fit begun further off finds none."""
+_MOUNT_ZETA: Final = 0.25
+"""Damping there: heavy enough for a broad peak that a fit sees from afar."""
+_PINNED_LOW, _PINNED_START = 1.0 - 1e-3, 1.0 - 1e-4
+"""Of the greatest reading, where readings pile up there: the limit's lower bound, and where its fit begins."""
+_FREE_LOW, _FREE_START = 0.9, 0.97
+"""Likewise where they do not: a filter or a calibration behind the limit may have blurred it by some per cent."""
+_LIMIT_SCALE: Final = 5e-3
+"""Of the greatest reading: the scale of a limit."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +77,7 @@ def library(facts: Facts) -> tuple[Effect, ...]:
 
 def _clock(facts: Facts) -> Iterable[Effect]:
     far = abs(facts.lag_s) > _TELLING_S
-    drifts = abs(facts.lag_rate) * 30.0 > _TELLING_S
+    drifts = abs(facts.lag_rate) * _DRIFTING_S > _TELLING_S
     return (
         Effect(
             "time_offset",
@@ -185,8 +201,7 @@ def _seat() -> Iterable[Effect]:
 
 
 def _dynamics(facts: Facts) -> Iterable[Effect]:
-    cut_offs_hz = (4.0, 12.0, 30.0)
-    shakes: list[Values] = [{**{f"{axis}_hz": f_hz for axis in AXES}, "zeta": 0.25} for f_hz in (9.0, 14.0, 22.0, 40.0)]
+    shakes: list[Values] = [{**{f"{axis}_hz": f_hz for axis in AXES}, "zeta": _MOUNT_ZETA} for f_hz in _MOUNTS_HZ]
     return (
         _clipping(facts),
         Effect(
@@ -200,7 +215,7 @@ def _dynamics(facts: Facts) -> Iterable[Effect]:
             "Choose a wider filter of the chip, or undo its delay.",
             "Move faster: a filter weakens what is fast, a late stamp does not.",
             choices=(("gyro_hz",), ("acc_hz",), ("gyro_hz", "acc_hz"), ("gyro_hz", "acc_hz", "zeta")),
-            starts=tuple({"gyro_hz": f_hz, "acc_hz": f_hz, "zeta": float(np.sqrt(0.5))} for f_hz in cut_offs_hz),
+            starts=tuple({"gyro_hz": f_hz, "acc_hz": f_hz, "zeta": float(np.sqrt(0.5))} for f_hz in _CUT_OFFS_HZ),
         ),
         Effect(
             "vibration",
@@ -225,9 +240,9 @@ def _clipping(facts: Facts) -> Effect:
         ("gyro_radps", "rad/s", 200.0, facts.most_radps, facts.pinned[0]),
         ("acc_mps2", "m/s²", 4000.0, facts.most_mps2, facts.pinned[1]),
     ):
-        low = (1.0 - 1e-3 if pinned else 0.9) * most
-        limits.append(Parameter(name, unit, np.inf, low, high, 5e-3 * most))
-        starts.append({name: (1.0 - 1e-4 if pinned else 0.97) * most})
+        low = (_PINNED_LOW if pinned else _FREE_LOW) * most
+        limits.append(Parameter(name, unit, np.inf, low, high, _LIMIT_SCALE * most))
+        starts.append({name: (_PINNED_START if pinned else _FREE_START) * most})
     return Effect(
         "clipping",
         tuple(limits),

@@ -26,21 +26,33 @@ from systems.imu.recording import LEAST_S, ImuRecording
 from systems.imu.smoothing import SETTLED_S, smoothing
 
 _DEGREE: Final = 7
+"""Of the splines: two derivatives of a lower one fall short of the motion far below the reference's half rate."""
 _BEYOND: Final = 16
 """Samples of an end's reflection."""
 _GAP: Final = 1.5
 """Of the median step: a longer one is a gap."""
 _REGULAR: Final = 1e-3
+"""Of a step: stamps that near the grid lie on it, and their readings are taken as they are."""
+_ROUNDED: Final = 1e-6
+"""Of a step: a first or last stamp that near a point of the grid is that point, but for rounding."""
+_SAME_RATE: Final = 0.05
+"""Of a step of the reference: an IMU's that is longer than some of them by less is not divided once more."""
 _PASSED: Final = 0.4
 """Of the sample rate behind the low pass: what it leaves alone."""
 _HALF_WIDTH: Final = 13
 """Of the low pass's impulse response, in samples behind it."""
 _KAISER_BETA: Final = 5.0
+"""Of the low pass's window: beyond the fall it lets a few thousandths pass."""
 _CUT_OFF: Final = 0.92
 """Of half the sample rate behind the low pass: −6 dB. It lets nothing fold back from beyond that half."""
 _PINNED: Final = 5
+"""Readings of the greatest magnitude: by chance two or three may share it."""
+_PINNED_WITHIN: Final = 1e-6
+"""Of the greatest magnitude: readings that near to it are equal, but for the rounding of a file."""
 GUARD_S: Final = 0.1
+"""What is left out around gaps of the reference: bridges swing that far into what was seen."""
 END_S: Final = 0.5
+"""What is left out at either end: filters and reflected ends reach that far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +101,7 @@ def reading_of(recording: ImuRecording) -> Reading:
     """Return what a recording holds; raises UserError where gaps leave less than five seconds."""
     step_s, reference_step_s = _step_s(recording.t_s), _step_s(recording.reference_t_s)
     grid_s = _grid_s(recording, step_s)
-    dense = max(1, int(np.ceil(step_s / reference_step_s - 0.05)))
+    dense = max(1, int(np.ceil(step_s / reference_step_s - _SAME_RATE)))
     dense_s = grid_s[0] + step_s / dense * np.arange(dense * (len(grid_s) - 1) + 1)
     w, alpha, seen_q, R = _turning(recording, dense_s)
     acceleration, seen_p = _moving(recording, dense_s)
@@ -148,7 +160,7 @@ def _grid_s(recording: ImuRecording, step_s: float) -> FloatArray:
     first_s, last_s = (
         choose(recording.t_s[k], recording.reference_t_s[k]) - recording.t_s[0] for choose, k in ((max, 0), (min, -1))
     )
-    first, last = int(np.ceil(first_s / step_s - 1e-6)), int(np.floor(last_s / step_s + 1e-6))
+    first, last = int(np.ceil(first_s / step_s - _ROUNDED)), int(np.floor(last_s / step_s + _ROUNDED))
     grid_s: FloatArray = recording.t_s[0] + step_s * np.arange(first, last + 1)
     return grid_s
 
@@ -165,7 +177,7 @@ def _on_grid(t_s: FloatArray, values: FloatArray, grid_s: FloatArray, step_s: fl
 def _is_pinned(values: FloatArray) -> bool:
     """Return whether more readings than chance allows share the greatest magnitude."""
     size = np.abs(values)
-    return int((size > size.max() * (1.0 - 1e-6)).sum()) >= _PINNED
+    return int((size > size.max() * (1.0 - _PINNED_WITHIN)).sum()) >= _PINNED
 
 
 def _turning(recording: ImuRecording, grid_s: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray]:

@@ -25,17 +25,27 @@ TEMPERATURE_COLUMN: Final = "temperature_degC"
 REFERENCE_COLUMNS: Final = ("t_s", "qw", "qx", "qy", "qz", "px_m", "py_m", "pz_m")
 
 LEAST_S: Final = 5.0
+"""Of a recording: a shorter one has hardly more than its ends, which are left out."""
 LEAST_HZ: Final = 20.0
+"""Of the stamps' rate: human motion reaches to 10 Hz."""
 MOST_W_RADPS: Final = 90.0
+"""Of a turning rate: beyond the widest common ranges, 70 rad/s; a walk in degrees per second is beyond it."""
 MOST_SF_MPS2: Final = 4000.0
+"""Of a specific force: the widest shock sensors' range, 400 g."""
 MOST_M: Final = 100.0
+"""Of a position: no camera room is as large; in mm most are."""
+MOST_DEGC: Final = 200.0
+"""Of a temperature, either way: no chip works beyond."""
 MEAN_SF_MPS2: Final = (5.0, 20.0)
+"""Of a specific force's norm, the median: one in g, or without gravity, lies below."""
 _SHORTEST_STEP: Final = 0.2
 """Of the median step of the stamps."""
 _MOST_SEEN_AWAY: Final = 0.5
 """Share of the reference that may be missing."""
 _NORM_TOLERANCE: Final = 0.02
+"""Of a quaternion's norm: two digits of each part leave less."""
 _UP_TOLERANCE_MPS2: Final = 5.0
+"""Of the mean specific force in the world: half of gravity, which a wrong convention of q misses by more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +118,8 @@ def _temperature(path: Path) -> FloatArray | None:
             return None
     values = read_columns(path, (TEMPERATURE_COLUMN,))[:, 0]
     there = np.isfinite(values)
-    if not there.any() or np.abs(values[there]).max() > 200.0:
-        raise UserError(f"{path}: {TEMPERATURE_COLUMN}: allowed -200 to 200 °C")
+    if not there.any() or np.abs(values[there]).max() > MOST_DEGC:
+        raise UserError(f"{path}: {TEMPERATURE_COLUMN}: allowed {-MOST_DEGC:g} to {MOST_DEGC:g} °C")
     return np.interp(np.arange(len(values)), np.flatnonzero(there), values[there])
 
 

@@ -35,6 +35,8 @@ _BLEND_S: Final = 1.0
 """Length of the bridge from a record's end to its beginning, which makes it periodic."""
 _FINER: Final = 4
 """Times the sample rate at which a cubic between samples is exact enough for a late stamp."""
+_MOST_LATE: Final = 0.2
+"""Of the record, before its first and after its last sample: a fit may try stamps that far off, and no further."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +169,7 @@ class ImuSimulation:
         """Return y (n, c) as it was `late_s` (n,) before each sample: cubic between samples four times as dense."""
         n, length = len(y), self._length
         fine = _FINER * fft.irfft(self._bins(y), _FINER * length, axis=0)
-        place = _FINER * np.clip(np.arange(n) - late_s * self.channels.rate_hz, -0.2 * n, 1.2 * n)
+        place = _FINER * np.clip(np.arange(n) - late_s * self.channels.rate_hz, -_MOST_LATE * n, (1.0 + _MOST_LATE) * n)
         below = np.floor(place).astype(np.int64)
         u = (place - below)[:, None]
         weights = (

@@ -24,25 +24,35 @@ from scipy.signal import fftconvolve
 from messages.arrays import BoolArray, FloatArray
 
 SETTLED_S: Final = 0.25
-"""After that an end or a gap is hardly heard any more."""
+"""After that an end or a gap hardly acts any more."""
 _SMOOTHING_S: Final = 2.0
 """Half the length of the filter's impulse response: a shorter one would blur its fall and weaken what is motion."""
 _SEGMENT_S: Final = 4.0
+"""Of a spectrum: a bin of a quarter of a hertz."""
 _UPPER: Final = (0.25, 0.4)
 """Of the reference's rate: noise only, and still differentiated well."""
 _AROUND_HZ: Final = 0.25
+"""To either side, over which powers are averaged before they are compared."""
 _LEAST_BAND_HZ: Final = 10.0
+"""Of the band: to there human motion reaches, whatever the noise."""
 _MOST_BAND_HZ: Final = 30.0
+"""Likewise: beyond, there is none, and vibration of the markers would pass for it."""
 _MOST_OF_REFERENCE: Final = 0.3
 """Of the reference's rate: splines of degree seven keep second derivatives to 1 % that far."""
 _BURIED: Final = 0.5
 """S over N: the band ends where it stays below."""
 _WELL_ABOVE: Final = 3.0
+"""S over N at which (1) is one half."""
+_QUIETEST: Final = 5
+"""One in so many stretches, the quietest at each frequency, tells the noise: in the others there may be motion."""
 _OF_QUIETEST: Final = 1.4
 """The mean power of noise over that of its quietest fifth of stretches."""
 _MOST_COLOUR: Final = 8.0
+"""Times white noise, differentiated: motion that never rests must not pass for noise."""
 _FAR_ABOVE: Final = 100.0
+"""S over N where the inputs end: noise is a tenth of their amplitude at most."""
 _INPUT_S: Final = 0.5
+"""Half the length of the inputs' filters: shorter than `_SMOOTHING_S`, as inputs may lose motion but not gain noise."""
 _INPUT_EDGE_HZ: Final = 2.0
 """Half the width over which a filter of that half length falls."""
 
@@ -85,7 +95,7 @@ def smoothing(
         upper = (f_hz > _UPPER[0] * reference_hz) & (f_hz < _UPPER[1] * reference_hz)
         width = 2 * round(_AROUND_HZ / f_hz[1]) + 1
         white = uniform_filter1d(growth * float(np.mean(power[upper] / growth[upper])), width)
-        quietest = np.sort(uniform_filter1d(pieces, width, axis=1), axis=0)[: -(-len(pieces) // 5)].mean(axis=0)
+        quietest = np.sort(uniform_filter1d(pieces, width, axis=1), axis=0)[: -(-len(pieces) // _QUIETEST)].mean(axis=0)
         noise = np.clip(_OF_QUIETEST * quietest, white, _MOST_COLOUR * white)
         ratios.append(np.maximum(uniform_filter1d(power, width) / noise - 1.0, 0.0))
     told_hz = max(float(f_hz[ratio > _BURIED].max(initial=0.0)) for ratio in ratios)

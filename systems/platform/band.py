@@ -20,14 +20,19 @@ from messages.arrays import BoolArray, ComplexArray, FloatArray
 from messages.errors import UserError
 
 BAND_HZ = 60.0
+"""Where the band ends: twice differentiated, the angles hold more noise than motion above."""
 BAND_SHARE = 0.3
-"""Of the rate, the most that the band may be; motion is differentiated up to (0.29, 0.34) of the rate."""
+"""Of the rate, the most that the band may be, so that (1) has fallen to zero well below half the rate."""
 _ROLL_OFF = 1.25
+"""Of the band's end, where (1) is zero: a steeper fall rings for longer, and `GUARD_S` would have to grow."""
 _MOTION_SHARES = (0.36, 0.43)
+"""Of the rate: from where to where the motion that is differentiated fades, above the band, below half the rate."""
 _JOIN_S = 1.0
+"""Around the circle from the record's end to its beginning: the filters have long died down there."""
 GUARD_S = 0.25
 """What is left out at either end and around gaps: by then the filters have died down."""
 _LEAST_S = 3.0
+"""Of what is compared: a body's ten parameters and an effect need that much motion."""
 
 
 @dataclass(frozen=True)

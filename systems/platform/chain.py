@@ -24,7 +24,9 @@ from systems.platform.tape import Carried, Rocking, rocking, shifted
 ByEffect = Mapping[str, Mapping[str, float]]
 """Every effect of the library with all its parameters."""
 _MOST_KEPT = 10
+"""Intermediate results that are remembered: those of a few parameter values, each some megabytes."""
 _FINER = 4
+"""Times the rate at which play is followed: a turning point lies between two samples."""
 _AXES_M = ("x_m", "y_m", "z_m")
 _T = TypeVar("_T")
 
@@ -180,8 +182,8 @@ class Chain:
     def _bent(self, values: ByEffect, spectrum: ComplexArray, noise: FloatArray) -> FloatArray:
         """Return the wrench (6, n) behind all that is no factor per frequency.
 
-        What play makes follows from the turning points, which lie between samples: it sees four times as many, below
-        the band's limit.
+        What play makes follows from the turning points, which lie between samples: it sees `_FINER` times as many,
+        below the band's limit.
         """
         wrench = self.band.full(spectrum)
         for name, play in values["backlash"].items():

@@ -13,6 +13,13 @@ from systems.platform.sensor import CHANNELS
 FORCES, MOMENTS = CHANNELS[:3], CHANNELS[3:]
 _N, _NM = "N", "N·m"
 _STEP_SHARE = 0.02
+"""Of a step of rounding: its scale."""
+_LIMIT_SHARES = (0.1, 2.0)
+"""Of a channel's largest reading, the bounds of its limit: a lower one would have left little, a higher one nothing."""
+_LIMIT_SCALE_SHARE = 2e-3
+"""Of the largest reading: the scale of a limit."""
+_LIMIT_START_SHARE = 0.97
+"""Of the largest reading, where a fit of the limit begins: just low enough to cut something off."""
 
 
 def unit_of(channel: str) -> str:
@@ -106,14 +113,22 @@ def amplitudes(starts: Mapping[str, float], largest: Mapping[str, float]) -> tup
         Effect(
             "saturation",
             tuple(
-                Parameter(name, unit_of(name), inf, 0.1 * most, 2.0 * most, 2e-3 * most, inexact=1e-3)
+                Parameter(
+                    name,
+                    unit_of(name),
+                    inf,
+                    _LIMIT_SHARES[0] * most,
+                    _LIMIT_SHARES[1] * most,
+                    _LIMIT_SCALE_SHARE * most,
+                    inexact=1e-3,
+                )
                 for name, most in ((name, largest[name]) for name in moving)
             ),
             "A force channel is cut off at a limit, the same to either side of its tared zero.",
             "Choose a larger range, or shake less.",
             "Repeat with half the amplitude: nothing is cut off then.",
             choices=tuple((name,) for name in moving),
-            starts=tuple({name: 0.97 * largest[name]} for name in moving),
+            starts=tuple({name: _LIMIT_START_SHARE * largest[name]} for name in moving),
         ),
         Effect(
             "quantisation",

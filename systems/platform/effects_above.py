@@ -5,8 +5,13 @@ from math import inf
 from discrepancy.simulation import Effect, Parameter
 
 _TAPE_STARTS_HZ = (32.0, 55.0, 95.0)
+"""Resonances where fits begin, about √3 apart: the band's middle, its end, and beyond it."""
 _TAPE_BOTH_HZ = 60.0
-_TAPE_ZETA = 0.08
+"""Likewise, about both axes at once: one start, as each pair costs a fit."""
+_TAPE_START = {"zeta": 0.08, "seen": 0.5}
+"""The rest where fits begin: damping light enough for a resonance to show, markers half way between none and all."""
+_MASS_KG, _MASS_X_M = 0.3, (-0.1, 0.1)
+"""A hidden mass where fits begin, on either side of the joint: a clamp's weight, within the plate."""
 
 
 def above_sensor(foot: bool) -> tuple[Effect, ...]:
@@ -54,7 +59,7 @@ def above_sensor(foot: bool) -> tuple[Effect, ...]:
             "Weigh everything that is on the plate, or identify the plate anew with it.",
             "Weigh the plate with all that hangs on it.",
             choices=(("mass_kg", "x_m", "y_m", "z_m"),),
-            starts=tuple({"mass_kg": 0.3, "x_m": x_m, "y_m": 0.0, "z_m": 0.0} for x_m in (-0.1, 0.1)),
+            starts=tuple({"mass_kg": _MASS_KG, "x_m": x_m, "y_m": 0.0, "z_m": 0.0} for x_m in _MASS_X_M),
         ),
     )
     if not foot:
@@ -75,8 +80,8 @@ def above_sensor(foot: bool) -> tuple[Effect, ...]:
             "Tap the foot: it rings at the resonance. Clamped, the effect goes; a delay or lag stays.",
             choices=(("z_hz", "zeta", "seen"), ("x_hz", "zeta", "seen"), ("z_hz", "x_hz", "zeta", "seen")),
             starts=(
-                *({axis: hz, "zeta": _TAPE_ZETA, "seen": 0.5} for axis in ("z_hz", "x_hz") for hz in _TAPE_STARTS_HZ),
-                {"z_hz": _TAPE_BOTH_HZ, "x_hz": _TAPE_BOTH_HZ, "zeta": _TAPE_ZETA, "seen": 0.5},
+                *({axis: hz, **_TAPE_START} for axis in ("z_hz", "x_hz") for hz in _TAPE_STARTS_HZ),
+                {"z_hz": _TAPE_BOTH_HZ, "x_hz": _TAPE_BOTH_HZ, **_TAPE_START},
             ),
         ),
     )

@@ -23,12 +23,21 @@ from messages.arrays import ComplexArray, FloatArray
 from systems.platform.band import Band, motion_limit
 
 _AROUND_S = np.array([-9e-3, -6.5e-3, -4e-3, 4e-3, 6.5e-3, 9e-3])
+"""Places about a jump that tell its size: clear of the sharp rise itself, and near enough for a line between jumps."""
 _BINS = 400
+"""Of the integral (2), up to half the rate: each is far narrower than the ringing at `_AROUND_S` needs."""
 _SLOWEST_HZ, _FASTEST_HZ = 15.0, 110.0
+"""Rates of jumps that are looked for: slower ones are hard to tell from motion, faster ones lie within `_AROUND_S`."""
 _FINER = 8
+"""Bins for each one of the record's own: a rate between two of those is not missed."""
 _RESOLUTION_S = 2e-4
+"""Between the offsets that are tried, and of the last jump between the rates: a small part of a sample."""
 _STEPS = 24
+"""Rates tried to either side of the one where fast changes recur."""
+_MOST_CHANGE = 9.0
+"""Times the median power of a change: one larger jump counts no more, as it is no rhythm."""
 _NOTHING = 1e-30
+"""In place of a power of zero, as a divisor."""
 _SERIES_SHARE = 0.3
 """Of the rate: how far (1) is summed; beyond lies the band's limit."""
 
@@ -69,7 +78,7 @@ def rhythm(wrench: FloatArray, left: FloatArray, rate_hz: float) -> tuple[float,
     """
     change = np.diff(wrench, axis=1)
     power = (change**2 / np.maximum((change**2).mean(axis=1, keepdims=True), _NOTHING)).sum(axis=0)
-    power = np.minimum(power, 9.0 * np.median(power))
+    power = np.minimum(power, _MOST_CHANGE * np.median(power))
     length = _FINER * len(power)
     spectrum = np.abs(np.fft.rfft((power - power.mean()) * np.hanning(len(power)), length))
     f_hz = np.fft.rfftfreq(length, 1.0 / rate_hz)
@@ -85,7 +94,7 @@ def rhythm(wrench: FloatArray, left: FloatArray, rate_hz: float) -> tuple[float,
     sought = _Sought(agreement, (jump**2 / scale).sum(axis=0), rate_hz)
     spread = np.arange(-_STEPS, _STEPS + 1)
     found = []
-    for centre_hz in (best, 0.5 * best):
+    for centre_hz in (best, 0.5 * best):  # what recurs most may be twice as frequent as the jumps
         if centre_hz > _SLOWEST_HZ:
             step_hz = _RESOLUTION_S / seconds * centre_hz
             coarse = sought.best(centre_hz + step_hz * spread, np.arange(0.0, 1.0 / centre_hz, _RESOLUTION_S))

@@ -63,10 +63,10 @@ class Motion:
 def unsmoothed(spectrum: ComplexArray, band: Band, cutoff_hz: float) -> ComplexArray:
     """Return the angles' spectrum before a Butterworth filter of second order, run forth and back, at `cutoff_hz`.
 
-    Its gain is 1 / (1 + (tan πf/f_s / tan πf_c/f_s)⁴). Where less than a hundredth is left, nothing more is restored.
+    Its gain is 1 / (1 + (tan πf/f_s / tan πf_c/f_s)⁴). Where less than `_FLOOR` is left, nothing more is restored.
     """
     f_s = band.rate_hz
-    below = band.f_hz < 0.49 * f_s
+    below = band.f_hz < _TAN_SHARE * f_s
     ratio = np.full(len(band.f_hz), np.inf)
     ratio[below] = np.tan(np.pi * band.f_hz[below] / f_s) / np.tan(np.pi * cutoff_hz / f_s)
     gain = 1.0 / (1.0 + ratio**4)
@@ -74,4 +74,8 @@ def unsmoothed(spectrum: ComplexArray, band: Band, cutoff_hz: float) -> ComplexA
 
 
 _FLOOR = 0.01
+"""Gain below which a smoothing is not undone: so the angles' noise is raised fiftyfold at most."""
 _LEAST_RADPS = 1e-6
+"""Change of rate within a sample, as a divisor: slower reversals are taken for standing still."""
+_TAN_SHARE = 0.49
+"""Of the rate: the tangent of the Butterworth's gain grows without bound at half the rate."""

@@ -7,7 +7,13 @@ from systems.platform.memory import last_kept
 
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
 _HARMONICS = 12
-_SQUARE_OF_NOTHING = 40.0
+"""Of the staircase: its edges are then about a twentieth of a step wide, and noise blurs them further."""
+_MOST_EXPONENT = 40.0
+"""A harmonic weakened by exp(−40) is far below the last digit."""
+_LEAST_LEVELS = 2
+"""Values of a channel: as few may be a switch, and tell no spacing."""
+_SAMPLES_OF_A_LEVEL = 4
+"""Samples for each value that occurs: where there are fewer, values do not repeat as those of a lattice do."""
 
 
 def about_height(height_m: float) -> FloatArray:
@@ -42,7 +48,7 @@ def rounded(x: FloatArray, step: float, noise: float) -> FloatArray:
     mean: FloatArray = x.copy()
     for k in range(1, _HARMONICS + 1):
         exponent = 2.0 * (np.pi * k * noise / step) ** 2
-        if exponent < _SQUARE_OF_NOTHING:
+        if exponent < _MOST_EXPONENT:
             mean = mean + (-1.0) ** k * step / (np.pi * k) * np.exp(-exponent) * np.sin(k * phase)
     return mean
 
@@ -63,6 +69,7 @@ def repeats(wrench: FloatArray) -> BoolArray:
 def lattice(values: FloatArray) -> float | None:
     """Return the spacing of what values (n,) lie on multiples of it, or None where they take almost any value."""
     levels = np.unique(values)
-    if not 2 < len(levels) < len(values) / 4:
+    if not _LEAST_LEVELS < len(levels) < len(values) / _SAMPLES_OF_A_LEVEL:
         return None
-    return float(np.median(np.sort(np.diff(levels))[: max(1, len(levels) // 2)]))
+    smaller_half = np.sort(np.diff(levels))[: max(1, len(levels) // 2)]  # the larger ones span values not taken
+    return float(np.median(smaller_half))

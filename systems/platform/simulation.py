@@ -38,8 +38,13 @@ INPUT_NAMES = tuple(f"{axis}_{unit}" for unit in ("rad", "radps", "radps2") for 
 BODY = ("mass_kg", "mx_kgm", "my_kgm", "mz_kgm", "jxx_kgm2", "jyy_kgm2", "jzz_kgm2", "jyz_kgm2", "jxz_kgm2", "jxy_kgm2")
 _UNITS = ("kg", "kg·m", "kg·m", "kg·m", *("kg·m²",) * 6)
 _SCALES = (0.1, 0.01, 0.01, 0.01, *(0.01,) * 6)
+"""In `_UNITS`: changes of a foot's or a plate's parameters that matter."""
 _BOUNDS = (1e3, 1e3, 1e3, 1e3, *(1e3,) * 6)
+"""In `_UNITS`, either way: far beyond any foot or plate, so that none is met."""
 _ROUNDING_N, _ROUNDING_NM = 5.0, 1.0
+"""Steps of rounding that a fit begins with where the readings show none: coarse enough to change the prediction."""
+_LEAST_DEVIATION = 1e-9
+"""Of a channel, N or N·m, as a divisor: one that does not vary weighs no more."""
 MOST_S = 30.0
 """What is compared of a recording: enough for the sizes that matter, and few enough samples for a verdict in 10 s."""
 
@@ -192,7 +197,7 @@ class PlatformSimulation:
         unknown = np.einsum("pq,pwm->qwm", stated.to_plate, unknown)[list(self._unknown)]
         measured = band.reduced(band.spectrum(bridged(self.streams.wrench, self.streams.valid)))
         left = measured - np.einsum("p,pwm->wm", known, moved)
-        weight = 1.0 / np.maximum(left.std(axis=1), 1e-9)[:, None]
+        weight = 1.0 / np.maximum(left.std(axis=1), _LEAST_DEVIATION)[:, None]
         A = (unknown * weight)[:, :, band.kept].reshape(len(unknown), -1)
         found: FloatArray = np.linalg.lstsq(A.T, (left * weight)[:, band.kept].reshape(-1), rcond=None)[0]
         return found

@@ -28,13 +28,14 @@ from messages.arrays import FloatArray
 from systems.platform.band import Band
 
 _LEAST_KGM2 = 1e-4
+"""Inertia of the foot, at least: a fit may try none, and nothing would then resist the moment."""
 
 
 @dataclass(frozen=True)
 class Carried:
     """The motion of P as rows (3, n): its origin's acceleration less gravity, ω and α, all in P."""
 
-    felt_mps2: FloatArray
+    sf_mps2: FloatArray
     w: FloatArray
     alpha: FloatArray
 
@@ -73,7 +74,7 @@ def rocking(
     free = [isfinite(hz) for hz in resonances_hz]
     diagonal = []
     for hz, axis in zip(resonances_hz, (2, 0), strict=True):
-        w = 2.0 * np.pi * (hz if isfinite(hz) else 1.0)
+        w = 2.0 * np.pi * (hz if isfinite(hz) else 1.0)  # any: that turn is set to zero below
         own = max(float(J[axis, axis]), _LEAST_KGM2)
         diagonal.append(own * (s**2 + 2.0 * zeta * w * s + w**2) - PLATFORM_GRAVITY_MPS2 * foot[2])
     coupling = J[0, 2] * s**2 if all(free) else np.zeros_like(s)
@@ -114,12 +115,12 @@ def _rocked(
     both = rate[0] * rate[1]
     v = np.stack((rate[1] * cos, rate[1] * sin, rate[0]))
     v_rate = np.stack((acceleration[1] * cos - both * sin, acceleration[1] * sin + both * cos, acceleration[0]))
-    felt_mps2 = turn.to_F(motion.felt_mps2)
+    sf_mps2 = turn.to_F(motion.sf_mps2)
     w = turn.to_F(motion.w + v)
     alpha = turn.to_F(motion.alpha + v_rate + _cross(motion.w, v))
     m, h, J = foot[0], foot[1:4, None], tensor_of(foot[4:])
-    force = m * felt_mps2 + _cross(alpha, h) + _cross(w, _cross(w, h))
-    moment = J @ alpha + _cross(w, J @ w) + _cross(h, felt_mps2)
+    force = m * sf_mps2 + _cross(alpha, h) + _cross(w, _cross(w, h))
+    moment = J @ alpha + _cross(w, J @ w) + _cross(h, sf_mps2)
     return np.concatenate((turn.to_P(force), turn.to_P(moment)))
 
 

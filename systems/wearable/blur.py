@@ -15,7 +15,13 @@ from scipy.interpolate import PchipInterpolator
 from messages.arrays import FloatArray
 
 _STEP_PX, _MOST_PX = 0.25, 20.0
+"""Smears for which (1) is tabulated: it is smooth in between, and a longer smear leaves hardly any slope to compare."""
 _SHORTEST_PX = 0.25
+"""Within a pixel a picture is smooth: from here on D grows as s², and G is its value at zero."""
+_TERMS = 16
+"""Of the integral over τ in (1), by the midpoint rule."""
+_LEAST_ACROSS = 1e-6
+"""Of b(L), as a divisor: rounding may leave it at zero or below."""
 _FORESHORTENED = 1.1
 """By how much finer texture is downwards than across where the camera looks down at 45°, measured with the rig: less
 than its foreshortening, as lens and pixels are no finer downwards."""
@@ -56,8 +62,8 @@ def _octaves(lags_px: FloatArray, difference: FloatArray) -> FloatArray:
 
     reach = np.hypot(1.0, smear_px)
     along = D(_FORESHORTENED * reach) / (reach**2 * D(np.array(_FORESHORTENED)))
-    tau = (np.arange(16) + 0.5) / 16
+    tau = (np.arange(_TERMS) + 0.5) / _TERMS
     s = np.maximum(_FORESHORTENED * np.outer(smear_px, tau), _SHORTEST_PX)
     across = (2.0 * (1.0 - tau) * G(s)).mean(axis=1) / G(np.array(_SHORTEST_PX))
-    octaves: FloatArray = 0.5 * np.log2(along / np.maximum(across, 1e-6))
+    octaves: FloatArray = 0.5 * np.log2(along / np.maximum(across, _LEAST_ACROSS))
     return octaves

@@ -8,6 +8,17 @@ import math
 
 from discrepancy.simulation import Effect, Parameter
 
+_ONSETS_S = (0.75, 1.5, 2.25, 3.0, 3.75)
+"""After the first frame, where fits of an onset begin: every three quarters of a second of a recording of some five."""
+_ONSET_START_MPS2 = 0.2
+"""Where fits of a room's acceleration begin: that of a tram setting off gently."""
+_MOUNT_STARTS_HZ, _MOUNT_ZETA = (4.0, 6.0, 9.0, 14.0), 0.2
+"""Resonances of a mount where fits begin, a factor of 1.5 apart up to the frames' band, and the damping there."""
+_EXPOSURE_STARTS_S = (0.003, 0.01, 0.025)
+"""Exposures untold where fits begin: a factor of three apart, up to half a frame."""
+_TEXTURE_STARTS_PX = (0.1, -0.1)
+"""Per octave, where fits of a bias by texture begin: five scales to either side."""
+
 
 def _free(name: str, unit: str, limit: float, scale: float, inexact: float) -> Parameter:
     return Parameter(name, unit, 0.0, -limit, limit, scale, inexact)
@@ -45,7 +56,7 @@ _IMU = (
         "Record the vehicle's own acceleration, or repeat the walk on solid ground.",
         choices=(("ahead_mps2", "from_s"), ("left_mps2", "from_s")),
         starts=tuple(
-            {"from_s": from_s, "ahead_mps2": 0.2, "left_mps2": 0.2} for from_s in (0.75, 1.5, 2.25, 3.0, 3.75)
+            {"from_s": from_s, "ahead_mps2": _ONSET_START_MPS2, "left_mps2": _ONSET_START_MPS2} for from_s in _ONSETS_S
         ),
     ),
 )
@@ -112,12 +123,7 @@ _CAMERA = (
         "Stiffen the mount, or fix IMU and cameras to one rigid part.",
         "Tap the housing and look at the picture: it rings at the resonance.",
         choices=(("hz", "zeta"),),
-        starts=(
-            {"hz": 4.0, "zeta": 0.2},
-            {"hz": 6.0, "zeta": 0.2},
-            {"hz": 9.0, "zeta": 0.2},
-            {"hz": 14.0, "zeta": 0.2},
-        ),
+        starts=tuple({"hz": hz, "zeta": _MOUNT_ZETA} for hz in _MOUNT_STARTS_HZ),
     ),
 )
 
@@ -128,7 +134,7 @@ _PICTURE = (
         "The picture is exposed for longer than its header says, and smears along its motion.",
         "Shorten the exposure and add light or gain; read the true exposure from the camera.",
         "Stand still: a blur of motion goes, one of the lens stays.",
-        starts=({"exposure_s": 0.003}, {"exposure_s": 0.01}, {"exposure_s": 0.025}),
+        starts=tuple({"exposure_s": exposure_s} for exposure_s in _EXPOSURE_STARTS_S),
     ),
     Effect(
         "pixel_locking",
@@ -151,7 +157,7 @@ _PICTURE = (
         "from 2 to the power of `at_octaves` grey levels.",
         "Look for gloss and for glass before one eye; compare matchers; trust rich texture more.",
         "Lay a printed sheet, half strong and half faint, on the same ground.",
-        starts=({"per_octave_px": 0.1}, {"per_octave_px": -0.1}),
+        starts=tuple({"per_octave_px": bias_px} for bias_px in _TEXTURE_STARTS_PX),
     ),
     Effect(
         "ground_not_flat",

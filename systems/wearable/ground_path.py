@@ -16,7 +16,9 @@ from perception.depth.stereo_camera import StereoCamera
 from systems.wearable.recording import Track
 
 GRID_S = 0.005
+"""Step of the ground's course over time: a fraction of the time in which a walker's attitude changes."""
 _GAP_S = 0.06
+"""Between a track's samples: over a longer gap a step's impact may be missing, and no spline tells it."""
 
 
 class Smooth:

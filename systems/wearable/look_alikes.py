@@ -24,7 +24,12 @@ from systems.wearable.simulation import WearableSimulation, load
 
 ALIKE = 0.9
 """From this share on two effects are called look-alikes: less than a tenth of the evidence tells them apart."""
+_SHOWN = 0.5
+"""From this share on a pair is listed."""
 _RIDGE = 1e-9
+"""Of all columns' power: parameters of one choice that say the same leave its matrix invertible."""
+_MOST_FOLLOWS = 0.98
+"""Of a residual that follows from the sample before: with more, the filter would take away all that is slow."""
 
 
 def shares(simulation: WearableSimulation) -> tuple[tuple[str, ...], FloatArray]:
@@ -33,7 +38,7 @@ def shares(simulation: WearableSimulation) -> tuple[tuple[str, ...], FloatArray]
     residual = simulation.channels.values - base
     seen = np.isfinite(residual).all(axis=1)
     residual = residual[seen] - residual[seen].mean(axis=0)
-    follows = np.clip((residual[1:] * residual[:-1]).sum(axis=0) / (residual**2).sum(axis=0), 0.0, 0.98)
+    follows = np.clip((residual[1:] * residual[:-1]).sum(axis=0) / (residual**2).sum(axis=0), 0.0, _MOST_FOLLOWS)
     innovation = residual[1:] - follows * residual[:-1]
     deviation = innovation.std(axis=0)
 
@@ -87,7 +92,7 @@ def main() -> None:
     print("--- | --- | --- | ---")
     for a, b in sorted(np.ndindex(*table.shape), key=lambda pair: -table[pair]):
         different = names[a].split(".")[0] != names[b].split(".")[0]
-        if different and table[a, b] >= 0.5:
+        if different and table[a, b] >= _SHOWN:
             print(f"{names[b]} | {names[a]} | {table[a, b]:.3f} | {'yes' if table[a, b] >= ALIKE else 'no'}")
 
 

@@ -24,11 +24,19 @@ ROWS, COLUMNS = 4, 6
 PATCHES = ROWS * COLUMNS
 _TOP, _BOTTOM, _LEFT, _RIGHT = 0.2, 0.96, 0.16, 0.98  # of the picture: what is left of it lacks a partner on the right
 _STRIDE = 2
+"""Of disparity's pixels, rows and columns, one is used: neighbours share most of the matching window."""
 _MARGIN_PX = 5.0
+"""By which disparity is searched beyond what the ground alone would show: room for every effect of the library."""
 _LEAST_DISPARITY_PX = 2.0
+"""Where the search begins at the earliest: ground in reach is never as far."""
 _MOST_DISPARITIES = 128
+"""In a search: a frame that needs more is left out, as its ground is told wrongly or right before the lens."""
 _LEAST_SHARE = 0.4
+"""Of a patch's pixels that are matched: of fewer, the median would be that of the easy ones."""
 _CONTRAST_BOX_PX = 15
+"""Width of the surroundings that contrast is counted from: about that of the matching window."""
+_LEAST_POWER = 1e-3
+"""Squared grey levels, added or as a divisor's least: far below a camera's noise, and an even picture stays finite."""
 LAGS_PX = (1, 2, 3, 4, 6, 8, 12)
 _LOCKING_PIXELS = 150
 """So few that the matcher's own change from surface to surface, 0.003 px, stays within this number's noise."""
@@ -147,7 +155,7 @@ def _contrast(left: GreyImage) -> FloatArray:
     grey = left.astype(np.float32)
     detail = grey - cv2.blur(grey, (_CONTRAST_BOX_PX, _CONTRAST_BOX_PX))
     power = _tiles(detail[::_STRIDE, ::_STRIDE] ** 2).mean(axis=1, dtype=np.float64)
-    contrast: FloatArray = 0.5 * np.log2(np.maximum(power, 1e-3))
+    contrast: FloatArray = 0.5 * np.log2(np.maximum(power, _LEAST_POWER))
     return contrast
 
 
@@ -163,14 +171,14 @@ def _lean(left: GreyImage) -> FloatArray:
         _tiles(product[::_STRIDE, ::_STRIDE]).mean(axis=1, dtype=np.float64)
         for product in (across * across, across * down)
     )
-    lean: FloatArray = -mixed / np.maximum(square, 1e-3)
+    lean: FloatArray = -mixed / np.maximum(square, _LEAST_POWER)
     return lean
 
 
 def _sharpness(left: GreyImage) -> float:
     grey = left.astype(np.float32)
     down, across = grey[1:] - grey[:-1], grey[:, 1:] - grey[:, :-1]
-    return 0.5 * float(np.log2((np.mean(down**2) + 1e-3) / (np.mean(across**2) + 1e-3)))
+    return 0.5 * float(np.log2((np.mean(down**2) + _LEAST_POWER) / (np.mean(across**2) + _LEAST_POWER)))
 
 
 def _difference(left: GreyImage) -> FloatArray:

@@ -17,10 +17,15 @@ from messages.errors import UserError
 GROUND_COLUMNS = ("t_s", "nx", "ny", "nz", "height_m")
 REFERENCE_COLUMNS = ("t_s", "qw", "qx", "qy", "qz", "px_m", "py_m", "pz_m")
 LEAST_FRAMES = 30
+"""Of a recording: a second and a half, about one stride."""
 LEAST_ROWS = 4
+"""Of a table, without gaps: a cubic needs as many."""
 _UNIT_LENGTH = 0.01
+"""By which a unit vector or quaternion may be longer or shorter: two digits of each part leave less."""
 _HEIGHT_M = (0.1, 3.0)
+"""Of a worn camera above ground: else the unit of the column is another one."""
 _UPRIGHT = 0.3
+"""Of a ground normal's nz, at least: steeper than 72° nobody walks, and the axes are another frame's."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a wearable unit should see and feel above known ground, bound to one recording.
+"""What a wearable unit should measure above known ground, bound to one recording.
 
 Channels: the disparity map as its coefficients on ten orthonormal polynomials of the picture (so that what is common to
 all patches, like an error of the reference, stays in few of them), how strongly disparity locks to whole pixels, how
@@ -29,16 +29,20 @@ SYSTEM = "wearable"
 _POLYNOMIALS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
 _DISPARITY = ("mean", "x", "y", "xx", "xy", "yy", "xxx", "xxy", "xyy", "yyy")
 _LEAST_PATCHES = 16
-_DISPARITY_NOISE = (0.022, 0.007, 0.015, 0.0065, 0.007, 0.007, 0.004, 0.004, 0.004, 0.006)
-_PICTURE_NOISE = (0.019, 0.05)
-_TILT_NOISE = (1e-4, 1e-4, 1.4e-3, 1.4e-3)
+"""That a frame needs for its ten polynomials: two thirds of all."""
+_DISPARITY_NOISE_PX = (0.022, 0.007, 0.015, 0.0065, 0.007, 0.007, 0.004, 0.004, 0.004, 0.006)
+_LOCKING_NOISE_PX, _STEEPENING_NOISE_OCTAVES = 0.019, 0.05
+_TILT_NOISE_RAD = (1e-4, 1e-4, 1.4e-3, 1.4e-3)
 """What the rig's sound recordings leave, RMS, in the loudest of them: a constant beyond it is an error, not noise."""
 _LOCKING_PX = 0.165
+"""How much this matcher's disparities crowd about whole pixels by themselves; measured likewise."""
 _OFFSET_PX, _OFFSET_PER_OCTAVE_PX, _OCTAVES = -0.038, 0.013, 3.7
 """What semi-global matching does on the rig's own, perfect pictures: it draws to whole pixels and rounds down, by so
 much where the contrast is 2^3.7 grey levels, less where it is stronger."""
 _LOCKING_SEEN = 0.29
 """The share of a locking in the pictures that the matcher's smoothing over its window leaves; measured likewise."""
+_MOST_SWING_SHARE = 0.45
+"""Of the grid's rate: the mount's resonance at most, as the bilinear rule bends frequencies near half the rate."""
 
 
 def load(folder: Path) -> "WearableSimulation":
@@ -88,7 +92,7 @@ class WearableSimulation:
         sensed = tilt.Sensed.of(samples, calibration)
         grid_s = self._path.grid_s
         w_B = np.stack([np.interp(grid_s, sensed.t_s, axis) for axis in sensed.w_B.T], axis=-1)
-        self._gyro_C = w_B @ self._path.R_BC  # the sensor's own: a reference's noise, differentiated, would be heard
+        self._gyro_C = w_B @ self._path.R_BC  # the sensor's own: a reference's noise, differentiated, would show
         self._tilt = None
         R_WC = attitude.R_WB(self._stamp_s) @ self._path.R_BC
         if position is not None:
@@ -169,7 +173,7 @@ class WearableSimulation:
 
     def _swing_C(self, hz: float, zeta: float) -> FloatArray:
         """Return (grid, 3): how the camera turns in its mount, δ̈ + 2ζω₀ δ̇ + ω₀² δ = −α, by the bilinear rule."""
-        omega = 2.0 * math.pi * min(hz, 0.45 / GRID_S)
+        omega = 2.0 * math.pi * min(hz, _MOST_SWING_SHARE / GRID_S)
         k = omega / math.tan(0.5 * omega * GRID_S)
         a = np.array([k * k + 2 * zeta * omega * k + omega**2, 2 * (omega**2 - k * k), 0.0])
         a[2] = k * k - 2 * zeta * omega * k + omega**2
@@ -201,7 +205,8 @@ class WearableSimulation:
         if self._tilt is not None:
             columns.append(self._tilt.reference + self._tilt.error)
             names += tilt.CHANNELS
-        noise = (*_DISPARITY_NOISE, *_PICTURE_NOISE, *(() if self._tilt is None else _TILT_NOISE))
+        picture_noise = (*_DISPARITY_NOISE_PX, _LOCKING_NOISE_PX, _STEEPENING_NOISE_OCTAVES)
+        noise = (*picture_noise, *(() if self._tilt is None else _TILT_NOISE_RAD))
         w_C = np.stack([np.interp(self._stamp_s, self._path.grid_s, w) for w in self._gyro_C.T], axis=-1)
         rise = np.gradient(self._scene.height_m[:, 0], self._stamp_s)
         inputs = np.column_stack((w_C, rise, self._exposure_s))

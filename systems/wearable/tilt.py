@@ -23,9 +23,13 @@ from perception.attitude.imu_model import corrected
 from systems.wearable.ground_path import Attitude, Smooth
 
 GYRO_TIME_S, GRAVITY_TIME_S = 0.2, 0.08
+"""T_g and T_a of (1) and (2); how they were chosen stands there."""
 _STEP_S = 0.01
+"""Of the grid on which (1) and (2) are run: the IMU's own period, an eighth of the shorter time."""
 _ONSET_S = 0.2
+"""Over which a room begins to accelerate: its instant then changes the prediction smoothly, and can be fitted."""
 _LAST_SAMPLES = 24
+"""Samples of the IMU at a recording's end that tell the line of its stamps: a quarter of a second."""
 CHANNELS = ("gyro_roll_rad", "gyro_pitch_rad", "gravity_roll_rad", "gravity_pitch_rad")
 
 

@@ -16,6 +16,8 @@ from systems.wearable.blur import Steepness
 from systems.wearable.ground_path import GroundPath, Smooth
 from systems.wearable.pictures import Layout
 
+_HIGHEST_SHARE = 0.5
+"""Of the camera's height: ground does not rise or fall by more, where a fit tries a bend far too strong."""
 Swelling = Callable[[Lens, FloatArray], FloatArray]
 
 
@@ -145,7 +147,7 @@ def bent_ground(scene: Scene, ahead_m: float, sagittal_per_m: float, frontal_per
     """Return the change on ground that bends up from its plane, by ½ κ ξ² either way; a rise b is d b / (h − b)."""
     along, across = scene.place_m[..., 0] - ahead_m, scene.place_m[..., 1]
     rise_m = 0.5 * (sagittal_per_m * along**2 + frontal_per_m * across**2)
-    rise_m = np.clip(rise_m, -0.5 * scene.height_m, 0.5 * scene.height_m)
+    rise_m = np.clip(rise_m, -_HIGHEST_SHARE * scene.height_m, _HIGHEST_SHARE * scene.height_m)
     bent: FloatArray = scene.disparity_px * rise_m / (scene.height_m - rise_m)
     return bent
 

@@ -111,13 +111,13 @@ def judged(case: Case) -> Judged:
         try:
             verdict = explained(case.system, folder, left_out)
         except subprocess.CalledProcessError as error:
-            return Judged(case, False, f"FAILED: {told_of(case)}", str(error.stderr))
+            return Judged(case, False, f"FAILED: {described(case)}", str(error.stderr))
     right = is_right(truth, verdict)
-    told = "; ".join(" or ".join((cause.name, *cause.equivalents)) for cause in verdict.causes)
-    return Judged(case, right, f"{'right' if right else 'WRONG'}: {told_of(case)}: {verdict.verdict} {told}")
+    answer = "; ".join(" or ".join((cause.name, *cause.equivalents)) for cause in verdict.causes)
+    return Judged(case, right, f"{'right' if right else 'WRONG'}: {described(case)}: {verdict.verdict} {answer}")
 
 
-def told_of(case: Case) -> str:
+def described(case: Case) -> str:
     """Return a case in a few words."""
     return f"{case.system} {case.kind.value} {' and '.join(case.effects)} (seed {case.seed})"
 
@@ -139,27 +139,27 @@ def explained(name: str, folder: Path, left_out: Sequence[str] = ()) -> Verdict:
 def is_right(truth: Truth, verdict: Verdict) -> bool:
     """Return whether the verdict is what the case asks for.
 
-    That is `nothing`, or `unknown`, or the names, half of the excess removed and, of a single cause told by its own
+    That is `nothing`, or `unknown`, or the names, half of the excess removed and, of a single cause named by its own
     name, most parameters in their intervals.
     """
     if truth.kind is Kind.CLEAN:
         return verdict.verdict == "nothing" and not verdict.causes
     if truth.kind in (Kind.OUTSIDE, Kind.WITHHELD):
         return verdict.verdict == "unknown"
-    told = [{cause.name, *cause.equivalents} for cause in verdict.causes[: len(truth.causes)]]
-    named = all(any(cause.name in names for names in told) for cause in truth.causes)
+    answers = [{cause.name, *cause.equivalents} for cause in verdict.causes[: len(truth.causes)]]
+    named = all(any(cause.name in names for names in answers) for cause in truth.causes)
     removed = verdict.gain.share_of_excess_removed
     sized = truth.kind is Kind.PAIR or _is_sized(truth.causes[0], verdict)
     return verdict.verdict == "named" and named and sized and removed is not None and removed >= 0.5
 
 
 def _is_sized(true: TrueCause, verdict: Verdict) -> bool:
-    told = next((cause.parameters for cause in verdict.causes if cause.name == true.name), None)
-    if told is None or not true.parameters:
+    estimated = next((cause.parameters for cause in verdict.causes if cause.name == true.name), None)
+    if estimated is None or not true.parameters:
         return True
     inside = 0
     for name, value in true.parameters.items():
-        quantity = told.get(name)
+        quantity = estimated.get(name)
         if quantity is not None and quantity.low is not None and quantity.high is not None:
             inside += quantity.low <= value <= quantity.high
     return 2 * inside > len(true.parameters)

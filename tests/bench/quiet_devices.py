@@ -1,4 +1,4 @@
-"""An IMU at rest and a camera in fog, in real time, that fail when told to."""
+"""An IMU at rest and a camera in fog, in real time, that fail when a test says so."""
 
 import time
 from collections.abc import Sequence

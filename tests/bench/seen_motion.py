@@ -1,4 +1,4 @@
-"""What a camera and an IMU would tell of a simulated walk, without a picture: the truth with noise of their size."""
+"""What a camera and an IMU would measure of a simulated walk, without a picture: the truth with noise of their size."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ VELOCITY_NOISE_MPS = 0.01
 
 
 @dataclass(frozen=True)
-class FeltAt:
+class SampleAt:
     t_ns: int
     sf_B_mps2: Vec3
     w_B_radps: Vec3
@@ -56,27 +56,27 @@ def seen(walk: Gait, from_ns: int, to_ns: int, noise: float = 1.0, seed: int = 0
     )
 
 
-def felt(walk: Gait, from_ns: int, to_ns: int) -> list[FeltAt]:
+def imu_samples(walk: Gait, from_ns: int, to_ns: int) -> list[SampleAt]:
     """Return the samples of a perfect IMU."""
     times_ns = np.arange(from_ns, to_ns, SAMPLE_NS)
     sf_B, w_B = walk.imu(times_ns)
-    return [FeltAt(int(t), vec3(sf), vec3(w)) for t, sf, w in zip(times_ns, sf_B, w_B, strict=True)]
+    return [SampleAt(int(t), vec3(sf), vec3(w)) for t, sf, w in zip(times_ns, sf_B, w_B, strict=True)]
 
 
 @cache
-def arrivals(seed: int, name: str = "level") -> tuple[FeltAt | EgoMotion, ...]:
-    """Return samples and steps since the start in the order of arrival: a step is told one frame late."""
+def arrivals(seed: int, name: str = "level") -> tuple[SampleAt | EgoMotion, ...]:
+    """Return samples and steps since the start in the order of arrival: a step arrives one frame late."""
     walk = gait(seed, name)
-    told: list[FeltAt | EgoMotion] = []
+    arrived: list[SampleAt | EgoMotion] = []
     due_ns = START_NS + FRAME_NS
-    for sample in felt(walk, START_NS, LAST_NS):
-        told.append(sample)
+    for sample in imu_samples(walk, START_NS, LAST_NS):
+        arrived.append(sample)
         while due_ns + FRAME_NS + LATENCY_NS <= sample.t_ns:
-            told.append(seen(walk, due_ns - FRAME_NS, due_ns, seed=seed))
+            arrived.append(seen(walk, due_ns - FRAME_NS, due_ns, seed=seed))
             due_ns += FRAME_NS
-    return tuple(told)
+    return tuple(arrived)
 
 
-def arrivals_until(to_ns: int, seed: int, name: str = "level") -> Iterator[FeltAt | EgoMotion]:
+def arrivals_until(to_ns: int, seed: int, name: str = "level") -> Iterator[SampleAt | EgoMotion]:
     """Yield what has arrived before `to_ns`."""
-    return takewhile(lambda told: isinstance(told, EgoMotion) or told.t_ns < to_ns, arrivals(seed, name))
+    return takewhile(lambda each: isinstance(each, EgoMotion) or each.t_ns < to_ns, arrivals(seed, name))

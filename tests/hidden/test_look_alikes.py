@@ -13,10 +13,10 @@ from tests.bench.hidden_cases import (
     LOOK_ALIKE_CASES,
     LOOK_ALIKE_RATE,
     Judged,
+    described,
     drawn_seed,
     explained,
     fewest_right,
-    told_of,
 )
 from tests.hidden.conftest import Judge
 
@@ -40,14 +40,14 @@ def judged_without_temperature(case: Case) -> Judged:
         try:
             verdict = explained("imu", folder)
         except subprocess.CalledProcessError as error:
-            return Judged(case, False, f"FAILED: {told_of(case)}", str(error.stderr))
+            return Judged(case, False, f"FAILED: {described(case)}", str(error.stderr))
     names = {name for cause in verdict.causes[:1] for name in (cause.name, *cause.equivalents)}
     experiment = verdict.next_experiment or ""
     right = names >= {"gyro_bias_drift", "temperature"} and "temperature" in experiment
     return Judged(
         case,
         right,
-        f"{'right' if right else 'WRONG'}: {told_of(case)}: {' or '.join(sorted(names))}; next: {experiment}",
+        f"{'right' if right else 'WRONG'}: {described(case)}: {' or '.join(sorted(names))}; next: {experiment}",
     )
 
 

@@ -1,7 +1,7 @@
 """What a laboratory writes down of a unit in which something is wrong.
 
-Straps, dampers and friction above the sensor are added to what it feels: the actuators' torque that makes the same
-motion beside them is another, which nobody measures.
+Straps, dampers and friction above the sensor are added to the wrench on it: to make the same motion against them the
+actuators need another torque, which is not measured.
 """
 
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ from sim_rig.platform.rig import MOTION_HZ
 
 @dataclass(frozen=True)
 class Reference:
-    """What a run tells of each channel, noise-free: standard deviation and largest value (6,)."""
+    """Each channel's size in a run, noise-free: standard deviation and largest value (6,)."""
 
     deviation: FloatArray
     largest: FloatArray
@@ -80,7 +80,7 @@ class Laboratory:
         unit, flaws = self.unit, self.flaws
         count = round(duration_s * MOTION_HZ)
         poses = _poses(unit, flaws, self.mechanics, fine, random, count)
-        wrench = sampled(_felt(flaws, self.mechanics, fine, random), count, raw=flaws.jumps)
+        wrench = sampled(_amplified(flaws, self.mechanics, fine, random), count, raw=flaws.jumps)
         white = random.standard_normal((6, count))
         noise = self.colour.record(count, MOTION_HZ, random) if unit.coloured else white
         wrench = wrench + unit.wrench_noise[:, None] * noise
@@ -113,7 +113,7 @@ def _poses(
     return smoothed(poses, flaws.smoothing_hz) if np.isfinite(flaws.smoothing_hz) else poses
 
 
-def _felt(flaws: Flaws, mechanics: Mechanics, fine: Fine, random: np.random.Generator) -> FloatArray:
+def _amplified(flaws: Flaws, mechanics: Mechanics, fine: Fine, random: np.random.Generator) -> FloatArray:
     """Return the tared wrench (6, n) that leaves the amplifier, 3500 a second."""
     wrench = fine.wrench - mechanics.tared[:, None] + mechanics.read(_straps(flaws, fine))
     wrench = flaws.matrix @ wrench

@@ -65,7 +65,7 @@ class Fine:
     """What happened at `t_s` (n,), 3500 a second, the first second before zero.
 
     `angles_rad`, `rates_radps` (2, n) of the joint, `tape_rad` (2, n) of the foot against the plate about z and x, and
-    the `wrench` (6, n) that the sensor felt, its tare not yet taken off.
+    the `wrench` (6, n) on the sensor, its tare not yet taken off.
     """
 
     t_s: FloatArray

@@ -1,8 +1,8 @@
 """Noise with the colour of a real force plate at rest, without its data.
 
-The figures are those that `impedance.recording.force_noise` told of two plates of an instrumented treadmill, a minute
-at rest: a quarter of the power in 16 to 19 lines between 20 and 50 Hz, shared by all channels with sizes of their own;
-resonances around 23, 29, 33, 40 and 48 Hz; below 5 Hz half the density; and channels that go together in part.
+The figures are those that `impedance.recording.force_noise` estimated for two plates of an instrumented treadmill, a
+minute at rest: a quarter of the power in 16 to 19 lines between 20 and 50 Hz, shared by all channels with sizes of
+their own; resonances around 23, 29, 33, 40 and 48 Hz; below 5 Hz half the density; and channels that are correlated.
 """
 
 from typing import Final

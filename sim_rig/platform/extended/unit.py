@@ -17,7 +17,7 @@ _HALF_S: Final = (-0.5 * STEP_S, 0.5 * STEP_S)
 
 @dataclass(frozen=True)
 class PlatformUnit:
-    """One unit in one laboratory. `known`: an earlier run told the plate's inertia.
+    """One unit in one laboratory. `known`: an earlier run measured the plate's inertia.
 
     `amplitude` and `noise_factor` multiply the torques' span and the thesis's noise; `declared` noise is written into
     the recording's settings, `coloured` noise is that of a force plate at rest, else it is white.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perception.motion.comparison import CameraMotion, ImuMotion, lag_of, rate_misfit, velocity_misfit
-from tests.bench.seen_motion import FRAME_NS, P_BC_M, R_BC, START_NS, WALKING_NS, felt, gait, seen
+from tests.bench.seen_motion import FRAME_NS, P_BC_M, R_BC, START_NS, WALKING_NS, gait, imu_samples, seen
 
 WALK = gait(5)
 STEPS = 24
@@ -18,7 +18,7 @@ def stretch(noise: float = 0.0, late_ns: int = 0) -> tuple[CameraMotion, ImuMoti
     steps = [
         seen(WALK, t_ns, t_ns + FRAME_NS, noise) for t_ns in range(WALKING_NS, WALKING_NS + STEPS * FRAME_NS, FRAME_NS)
     ]
-    samples = felt(WALK, WALKING_NS - 300_000_000, WALKING_NS + STEPS * FRAME_NS + 300_000_000)
+    samples = imu_samples(WALK, WALKING_NS - 300_000_000, WALKING_NS + STEPS * FRAME_NS + 300_000_000)
     return (
         CameraMotion(
             from_s=1e-9 * np.array([s.t_before_ns + late_ns - START_NS for s in steps]),

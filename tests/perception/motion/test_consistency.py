@@ -11,10 +11,10 @@ from messages import Calibration, Pose, Reason, matrix3, vec3
 from perception.motion.consistency import ConsistencyMonitor, Subject, Verdict
 from perception.motion.ego_motion import EgoMotion
 from sim_rig.unit import draw_unit
-from tests.bench.seen_motion import P_BC_M, R_BC, START_NS, WALKING_NS, FeltAt, arrivals_until
+from tests.bench.seen_motion import P_BC_M, R_BC, START_NS, WALKING_NS, SampleAt, arrivals_until
 
 S = 1_000_000_000
-Alter = Callable[[FeltAt | EgoMotion], FeltAt | EgoMotion]
+Alter = Callable[[SampleAt | EgoMotion], SampleAt | EgoMotion]
 ACCEL, GYRO = range(3), range(3, 6)
 
 
@@ -47,9 +47,9 @@ def heard(
     calibration: Calibration, to_ns: int, alter: Alter | None = None, seed: int = 5, name: str = "level"
 ) -> Heard:
     monitor, words = ConsistencyMonitor(calibration, np.eye(3)), Heard()
-    for told in arrivals_until(to_ns, seed, name):
-        message = told if alter is None else alter(told)
-        if isinstance(message, FeltAt):
+    for arrival in arrivals_until(to_ns, seed, name):
+        message = arrival if alter is None else alter(arrival)
+        if isinstance(message, SampleAt):
             monitor.add_sample(message.t_ns, message.sf_B_mps2, message.w_B_radps)
             now_ns = message.t_ns
         elif isinstance(message, EgoMotion):
@@ -61,24 +61,24 @@ def heard(
 
 
 def flip(axis: int, from_ns: int, to_ns: int) -> Alter:
-    def alter(told: FeltAt | EgoMotion) -> FeltAt | EgoMotion:
-        if isinstance(told, EgoMotion) or not from_ns <= told.t_ns < to_ns:
-            return told
-        values = [*told.sf_B_mps2, *told.w_B_radps]
+    def alter(arrival: SampleAt | EgoMotion) -> SampleAt | EgoMotion:
+        if isinstance(arrival, EgoMotion) or not from_ns <= arrival.t_ns < to_ns:
+            return arrival
+        values = [*arrival.sf_B_mps2, *arrival.w_B_radps]
         values[axis] = -values[axis]
-        return replace(told, sf_B_mps2=vec3(values[:3]), w_B_radps=vec3(values[3:]))
+        return replace(arrival, sf_B_mps2=vec3(values[:3]), w_B_radps=vec3(values[3:]))
 
     return alter
 
 
 def stamped(late_ns: Callable[[int], int]) -> Alter:
-    def alter(told: FeltAt | EgoMotion) -> FeltAt | EgoMotion:
-        if isinstance(told, FeltAt):
-            return told
+    def alter(arrival: SampleAt | EgoMotion) -> SampleAt | EgoMotion:
+        if isinstance(arrival, SampleAt):
+            return arrival
         return replace(
-            told,
-            t_before_ns=told.t_before_ns + late_ns(told.t_before_ns),
-            t_after_ns=told.t_after_ns + late_ns(told.t_after_ns),
+            arrival,
+            t_before_ns=arrival.t_before_ns + late_ns(arrival.t_before_ns),
+            t_after_ns=arrival.t_after_ns + late_ns(arrival.t_after_ns),
         )
 
     return alter
@@ -139,9 +139,9 @@ def test_a_clock_that_drifts_is_seen_in_three_seconds(calibration: Calibration, 
 
 def test_a_contradiction_is_not_forgiven_while_nothing_is_seen(calibration: Calibration) -> None:
     monitor = ConsistencyMonitor(calibration, np.eye(3))
-    for told in arrivals_until(WALKING_NS + 3 * S, 5):
-        message = flip(4, 0, 10**18)(told)
-        if isinstance(message, FeltAt):
+    for arrival in arrivals_until(WALKING_NS + 3 * S, 5):
+        message = flip(4, 0, 10**18)(arrival)
+        if isinstance(message, SampleAt):
             monitor.add_sample(message.t_ns, message.sf_B_mps2, message.w_B_radps)
         elif isinstance(message, EgoMotion):
             monitor.add_motion(message, None)
@@ -163,23 +163,23 @@ def test_what_moved_while_no_picture_came_is_discarded(
     calibration: Calibration, gone_from_ns: int, gone_s: float, restarts: int
 ) -> None:
     monitor, counted = ConsistencyMonitor(calibration, np.eye(3)), 0
-    for told in arrivals_until(WALKING_NS + 6 * S, 5):
-        if isinstance(told, FeltAt):
-            monitor.add_sample(told.t_ns, told.sf_B_mps2, told.w_B_radps)
-        elif not gone_from_ns <= told.t_before_ns < gone_from_ns + gone_s * S:
-            counted += monitor.add_motion(told, None) | monitor.update_verdicts()
+    for arrival in arrivals_until(WALKING_NS + 6 * S, 5):
+        if isinstance(arrival, SampleAt):
+            monitor.add_sample(arrival.t_ns, arrival.sf_B_mps2, arrival.w_B_radps)
+        elif not gone_from_ns <= arrival.t_before_ns < gone_from_ns + gone_s * S:
+            counted += monitor.add_motion(arrival, None) | monitor.update_verdicts()
             assert monitor.reason is Reason.NONE
     assert counted == restarts
 
 
 def test_lost_samples_are_no_contradiction(calibration: Calibration) -> None:
     monitor = ConsistencyMonitor(calibration, np.eye(3))
-    for told in arrivals_until(WALKING_NS + 4 * S, 5):
-        if isinstance(told, FeltAt):
-            if not WALKING_NS + S <= told.t_ns < WALKING_NS + S + S // 5:
-                monitor.add_sample(told.t_ns, told.sf_B_mps2, told.w_B_radps)
+    for arrival in arrivals_until(WALKING_NS + 4 * S, 5):
+        if isinstance(arrival, SampleAt):
+            if not WALKING_NS + S <= arrival.t_ns < WALKING_NS + S + S // 5:
+                monitor.add_sample(arrival.t_ns, arrival.sf_B_mps2, arrival.w_B_radps)
         else:
-            monitor.add_motion(told, None)
+            monitor.add_motion(arrival, None)
             monitor.update_verdicts()
             assert monitor.reason is Reason.NONE
 
@@ -189,10 +189,10 @@ def remounted(angle_rad: float) -> Alter:
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
-    def alter(told: FeltAt | EgoMotion) -> FeltAt | EgoMotion:
-        if isinstance(told, FeltAt):
-            return told
-        return replace(told, w_C_radps=R @ told.w_C_radps, v_C_mps=R @ told.v_C_mps)
+    def alter(arrival: SampleAt | EgoMotion) -> SampleAt | EgoMotion:
+        if isinstance(arrival, SampleAt):
+            return arrival
+        return replace(arrival, w_C_radps=R @ arrival.w_C_radps, v_C_mps=R @ arrival.v_C_mps)
 
     return alter
 
