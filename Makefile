@@ -10,14 +10,14 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1
 DESTDIR ?=
 PREFIX ?= /usr
 ETC := $(DESTDIR)/etc/gaiteyes
-HOUSE := $(PREFIX)/lib/gaiteyes
+ENVIRONMENT := $(PREFIX)/lib/gaiteyes
 COMMAND := $(DESTDIR)$(PREFIX)/bin/gaiteyes
 UNIT := $(DESTDIR)$(PREFIX)/lib/systemd/system/gaiteyes.service
 RULES := $(DESTDIR)$(PREFIX)/lib/udev/rules.d/70-gaiteyes.rules
 SYSUSERS := $(DESTDIR)$(PREFIX)/lib/sysusers.d/gaiteyes.conf
 README := $(DESTDIR)$(PREFIX)/share/doc/gaiteyes/README.md
 
-.PHONY: run test test-hidden test-processors test-kernel check lint types contracts format lock clean install install-house install-files uninstall
+.PHONY: run test test-hidden test-processors test-kernel check lint types contracts format lock clean install install-environment install-files uninstall
 
 run: $(INSTALLED)
 	$(BIN)/gaiteyes demo --seconds $(SECONDS)
@@ -71,21 +71,21 @@ $(INSTALLED): pyproject.toml constraints.txt
 	touch $@
 
 # The service and all it needs; then `systemctl enable --now gaiteyes`. Once more is an update.
-install: install-house install-files
+install: install-environment install-files
 	@test -n "$(DESTDIR)" || ! test -d /run/systemd/system \
 		|| { systemd-sysusers && udevadm control --reload && udevadm trigger && systemctl daemon-reload; }
 
 # A virtual environment of the service's own; the only step that needs the network.
-install-house:
+install-environment:
 	rm -rf build/lib build/bdist.*
-	$(PYTHON) -m venv --clear $(DESTDIR)$(HOUSE)
-	$(DESTDIR)$(HOUSE)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt .
-	chmod -R u=rwX,go=rX $(DESTDIR)$(HOUSE)
+	$(PYTHON) -m venv --clear $(DESTDIR)$(ENVIRONMENT)
+	$(DESTDIR)$(ENVIRONMENT)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt .
+	chmod -R u=rwX,go=rX $(DESTDIR)$(ENVIRONMENT)
 
 # The person's own configuration is never overwritten.
 install-files:
 	install -d $(dir $(COMMAND) $(UNIT) $(RULES) $(SYSUSERS) $(README)) $(ETC)
-	printf '#!/bin/sh\nexec %s/bin/python -IuB -m cli.main "$$@"\n' $(HOUSE) > $(COMMAND)
+	printf '#!/bin/sh\nexec %s/bin/python -IuB -m cli.main "$$@"\n' $(ENVIRONMENT) > $(COMMAND)
 	chmod 755 $(COMMAND)
 	sed 's|/usr/|$(PREFIX)/|' systemd/gaiteyes.service > $(UNIT)
 	chmod 644 $(UNIT)
@@ -97,7 +97,7 @@ install-files:
 # Leaves the configuration in /etc/gaiteyes and the recordings in /var/lib/gaiteyes.
 uninstall:
 	@test -n "$(DESTDIR)" || ! test -d /run/systemd/system || systemctl disable --now gaiteyes
-	rm -rf $(DESTDIR)$(HOUSE) $(dir $(README))
+	rm -rf $(DESTDIR)$(ENVIRONMENT) $(dir $(README))
 	rm -f $(COMMAND) $(UNIT) $(RULES) $(SYSUSERS)
 
 clean:

@@ -1,4 +1,4 @@
-"""The deterministic heart: one input message in, estimates out. No clock, no randomness, no I/O, no threads.
+"""The deterministic core: one input message in, estimates out. No clock, no randomness, no I/O, no threads.
 
 Live, replay and simulation drive this same object; the silence of a device is seen through the ticks.
 """
