@@ -17,21 +17,29 @@ RULES := $(DESTDIR)$(PREFIX)/lib/udev/rules.d/70-gaiteyes.rules
 SYSUSERS := $(DESTDIR)$(PREFIX)/lib/sysusers.d/gaiteyes.conf
 README := $(DESTDIR)$(PREFIX)/share/doc/gaiteyes/README.md
 
-.PHONY: run test test-hidden test-processors test-kernel check lint types contracts format lock clean install install-environment install-files uninstall
+.PHONY: run test test-long test-hidden test-processors test-kernel check lint types contracts format lock clean install install-environment install-files uninstall
 
 run: $(INSTALLED)
 	$(BIN)/gaiteyes demo --seconds $(SECONDS)
 
-# The quick tier. Files of tests run beside each other, each process with one thread of linear algebra; then, one after
-# another, the tests that run processes and threads in real time.
+# Files of tests beside each other, each process with one thread of linear algebra.
+PYTEST := $(BIN)/python -m pytest
+PYTEST_BESIDE := $(ONE_THREAD) $(PYTEST) --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+
+# The quick tier: what takes no more than a few seconds; then, one after another, what runs processes and threads in real
+# time.
 test: $(INSTALLED)
-	$(ONE_THREAD) $(BIN)/python -m pytest -m "not hidden and not realtime" \
-		--numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(ARGS)
-	$(BIN)/python -m pytest -m realtime $(ARGS)
+	$(PYTEST_BESIDE) -m "not hidden and not long and not realtime" $(ARGS)
+	$(PYTEST) -m "realtime and not long" $(ARGS)
+
+# What takes longer, in the same way.
+test-long: $(INSTALLED)
+	$(PYTEST_BESIDE) -m "long and not realtime" $(ARGS)
+	$(PYTEST) -m "long and realtime" $(ARGS)
 
 # Effects hidden anew in every run and counted; ARGS="--hidden-seed N" draws an earlier run's again.
 test-hidden: $(INSTALLED)
-	$(BIN)/python -m pytest -m hidden tests/hidden $(ARGS)
+	$(PYTEST) -m hidden tests/hidden $(ARGS)
 
 # The numerical tests with the linear algebra of other processors, and with one and two threads.
 test-processors: $(INSTALLED)
@@ -41,7 +49,7 @@ test-processors: $(INSTALLED)
 test-kernel: $(INSTALLED)
 	$(BIN)/python -m tests.kernel $(ARGS)
 
-check: lint types contracts test test-hidden
+check: lint types contracts test test-long test-hidden
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

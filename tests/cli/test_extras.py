@@ -101,6 +101,7 @@ main()
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("arguments", ["--help", "explain effects", "platform ankle simulate --cycles 1 --out trial"])
 def test_a_command_that_needs_no_extra_works_without(tmp_path: Path, arguments: str) -> None:
     text = WITHOUT_EXTRAS.format(packages=list(EXTRA_OF), arguments=arguments.split())

@@ -34,6 +34,7 @@ def explained(recording: Path, out: Path) -> Verdict:
     return from_json((out / "verdict.json").read_bytes())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("effect", "sizes"),
     [

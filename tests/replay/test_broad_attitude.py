@@ -10,6 +10,7 @@ from lab.evaluation.measured.foot_walk import foot_errors_rad
 from tests.bench.data_folder import shared_data
 
 
+@pytest.mark.long
 def test_broad_inclination_beats_vqf_also_on_the_trials_nothing_was_tuned_on() -> None:
     data = trials(shared_data("broad"))
     assert [trial.name[:2] for trial in data] == sorted(TUNING + HELD_OUT)

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from discrepancy import explain
 from lab.evaluation.measured.broad_recordings import simulation_of, stretch, trial
@@ -29,6 +30,7 @@ def planted(real: ImuRecording, sign: float) -> ImuRecording:
     )
 
 
+@pytest.mark.long
 def test_an_effect_planted_into_a_real_trial_changes_its_parameter_by_its_size() -> None:
     real = stretch(trial(shared_data("broad"), "01"), 40.0, SECONDS)
     more, less = (fitted(planted(real, sign)) for sign in (1.0, -1.0))

@@ -13,7 +13,7 @@ from lab.faults.report import CampaignReport, TrialReport
 from lab.faults.tables import COLUMNS, line, row, summary
 from messages import Reason
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.long]
 
 FLAGS = {"imu-nak-eio": Reason.NO_IMU, "cam-frozen": Reason.FROZEN_FRAME, "cam-both-black": Reason.LOW_TEXTURE}
 NAMES = (*FLAGS, "can-ankle-corrupted", "zenoh-port-taken", "file-configuration-broken")

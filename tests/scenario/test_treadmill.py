@@ -14,6 +14,7 @@ HOME = Path(__file__).parents[2]
 PUBLISHED_R2 = {"Slow": 0.7208, "Fast": 0.9675}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("trial", ["Slow", "Fast"])
 def test_the_belt_s_acceleration_is_named_and_beats_the_filter(trial: str, tmp_path: Path) -> None:
     data = shared_data("treadmill_belt_acceleration") / f"Random{trial}Speed1.txt.gz"

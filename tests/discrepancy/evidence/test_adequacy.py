@@ -54,6 +54,7 @@ def noises(kind: str) -> list[Adequacy]:
     return out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["white", "slow and growing"])
 def test_chance_of_noise_is_uniform(kind: str) -> None:
     chances = np.array([each.chance for each in noises(kind)])

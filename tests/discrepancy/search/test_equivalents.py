@@ -88,6 +88,7 @@ def test_each_of_two_causes_has_its_own_equivalents_the_best_first_three_at_most
     assert set(same["cause"]) < {f"like_{k}" for k in range(4)}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rho", [0.8, 0.97])
 def test_a_separable_rival_is_declared_the_same_as_often_as_chance_makes_it_fit_as_well(rho: float) -> None:
     # With z, z' normal of correlation ρ the cause lowers χ² by (√λ + z)², its rival by (ρ √λ + z')².

@@ -210,6 +210,7 @@ def test_without_candidates_chance_gives_nothing() -> None:
     assert np.array_equal(Scored(columns(rng, 1), []).chance(1), [0.0])
 
 
+@pytest.mark.long
 def test_the_search_takes_noise_for_a_cause_little_more_often_than_claimed() -> None:
     # 1 in a hundred is claimed; a filter estimated from 800 samples makes it 1.5 (15 of 1000 other draws). The price of
     # a parameter alone would let 5 in a hundred through.

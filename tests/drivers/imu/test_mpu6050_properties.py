@@ -1,6 +1,7 @@
 import dataclasses
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -38,6 +39,7 @@ def test_normal_running_loses_nothing_at_any_clock_error(
     assert np.all(np.diff(stamps_ns) > 0)
 
 
+@pytest.mark.long
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(
     unit=units,
@@ -67,6 +69,7 @@ line_events = st.lists(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(
     unit=units,

@@ -46,6 +46,7 @@ def test_without_noise_plate_and_foot_are_exact(clean: PlatformRecording, joint:
     assert foot.fit.converged
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("joint", "draws"), [(True, 40), (False, 15)])
 def test_errors_meet_the_bound_and_intervals_hold(clean: PlatformRecording, joint: bool, draws: int) -> None:
     mechanism = UniversalJoint(L_M) if joint else FreeBody()

@@ -176,6 +176,7 @@ def _ran(steps: Iterable[Sizes], count: int, what: str) -> None:
     assert len(list(steps)) == count
 
 
+@pytest.mark.long
 def test_a_planted_pair_is_found_and_is_not_simulated_twice(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = Study(folder, 3, SHORT_S)
     study.prepare()

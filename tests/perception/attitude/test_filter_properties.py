@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -74,6 +75,7 @@ def judge(motion: Motion, clips: list[tuple[float, int]], reset_s: float) -> tup
     return wrong, longest_s
 
 
+@pytest.mark.long
 @settings(max_examples=25, deadline=None)
 @given(name=walks, seed=seeds, gaps=outages, clips=clipped)
 def test_after_any_outages_and_clipping_never_wrong_and_soon_valid(

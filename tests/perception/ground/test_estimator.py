@@ -73,6 +73,7 @@ def test_slope_and_height_agree_with_the_truth_within_what_is_stated(name: str, 
     assert within.mean() > 0.85
 
 
+@pytest.mark.long
 def test_rolling_shutter_is_corrected() -> None:
     wearer = SimulatedWearer(14, scenario("level"), START_NS, perfect_calibration=True)
     with_rate: list[tuple[GroundPlane, GroundTruth]] = []
@@ -86,6 +87,7 @@ def test_rolling_shutter_is_corrected() -> None:
     assert np.abs(errors(with_rate)[:, 0]).mean() < 0.8 * np.abs(errors(without)[:, 0]).mean()
 
 
+@pytest.mark.long
 def test_at_an_edge_the_stated_uncertainty_grows() -> None:
     pairs, _ = seen("mixed", 15, 90, 90)
     assert {ground.reason for ground, truth in pairs if not truth.transition} == {Reason.NONE}

@@ -205,6 +205,7 @@ def test_the_library_has_the_names_and_no_foot_means_no_effect_of_it() -> None:
     assert set(with_foot) - without == {"tape_compliance", "foot_marker_offset"}
 
 
+@pytest.mark.long
 def test_both_steps_of_rounding_are_found_together() -> None:
     random = np.random.default_rng(11)
     noisy = replace(unit(False), noise_factor=1.0)
