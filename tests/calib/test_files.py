@@ -130,6 +130,7 @@ def calibrations(draw: st.DrawFn) -> Calibration:
     )
 
 
+@pytest.mark.long
 @given(calibrations())
 def test_a_written_calibration_reads_back_equal_to_the_last_bit(calibration: Calibration) -> None:
     read = parse_calibration(format_calibration(calibration), "memory")
@@ -137,6 +138,7 @@ def test_a_written_calibration_reads_back_equal_to_the_last_bit(calibration: Cal
     assert read.id == calibration.id
 
 
+@pytest.mark.long
 @given(calibrations(), st.floats(-0.02, 0.02).filter(lambda skew: abs(skew) > 1e-4), st.integers(0, 8))
 def test_a_skewed_rotation_is_refused(calibration: Calibration, skew: float, element: int) -> None:
     rows = np.array(calibration.X_BL.R)

@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from daemon.pipeline import Pipeline
 from daemon.replay import replay
 from daemon.replay_source import open_source
@@ -11,6 +13,7 @@ from messages import Status, StereoFrame
 from tests.bench.data_folder import shared_data
 
 
+@pytest.mark.long
 def test_the_floor_below_the_vehicle_is_level_and_as_far_as_motion_capture_says(tmp_path: Path) -> None:
     source = open_source(shared_data("euroc_v1_01_easy"), None)
     foothold = source.configuration.foothold

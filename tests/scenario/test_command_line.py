@@ -55,6 +55,7 @@ def lines_of(path: Path) -> list[dict[str, object]]:
     return [json.loads(line) for line in path.read_bytes().splitlines()]
 
 
+@pytest.mark.long
 @pytest.mark.realtime
 def test_two_replays_give_the_same_bytes_and_what_was_said_live(walk: Path, tmp_path: Path) -> None:
     for name in ("one.jsonl", "two.jsonl"):
@@ -85,6 +86,7 @@ def test_a_recording_cut_in_the_middle_replays_up_to_the_damage(walk: Path, tmp_
     assert len(lines_of(tmp_path / "cut.jsonl")) > 100
 
 
+@pytest.mark.long
 @pytest.mark.realtime
 def test_interrupting_ends_cleanly_and_keeps_the_recording(tmp_path: Path) -> None:
     path = tmp_path / "walk.mcap"
@@ -129,6 +131,7 @@ def test_a_mistake_is_one_clear_line(arguments: list[str], line: str) -> None:
     assert done.stderr.strip().count("\n") == 0
 
 
+@pytest.mark.long
 @pytest.mark.realtime
 def test_a_taken_port_is_told_and_leaves_no_recording_behind(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:

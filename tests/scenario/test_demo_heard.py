@@ -57,7 +57,7 @@ def test_a_subscriber_hears_the_ground_and_is_told_that_it_is_simulated(endpoint
 def test_a_subscriber_that_wants_live_data_refuses(endpoint: str) -> None:
     lines = heard("zenoh_subscriber.py", "--connect", endpoint)
     assert all(line.startswith("silence, refused") for line in lines)
-    assert "'simulated': " in lines[-1]
+    assert "'not_live': " in lines[-1]
 
 
 def test_a_can_listener_hears_the_same_ground(endpoint: str) -> None:

@@ -80,6 +80,7 @@ class NothingFollows(Probe):
         return Predictable(np.zeros_like(residual), np.zeros(len(residual)), 1.0, ())
 
 
+@pytest.mark.long
 def test_noise_as_declared_is_louder_once_in_a_thousand_recordings_however_slow() -> None:
     rng = np.random.default_rng(_SEED)
     draws = 2000

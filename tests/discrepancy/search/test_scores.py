@@ -179,6 +179,7 @@ def null() -> tuple[FloatArray, FloatArray]:
     return scored.chance(_SEED), np.maximum(best, 0.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("level", [0.01, 0.02])
 def test_noise_reaches_a_quantile_of_chance_as_often_as_claimed(level: float) -> None:
     chance, best = null()

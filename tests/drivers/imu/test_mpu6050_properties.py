@@ -23,6 +23,7 @@ chip_settings = st.builds(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(unit=units, chip=chip_settings, poll_s=st.floats(0.003, 0.009), seed=st.integers(0, 1000))
 def test_normal_running_loses_nothing_at_any_clock_error(

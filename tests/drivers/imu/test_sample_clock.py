@@ -99,6 +99,7 @@ def test_a_chip_that_stops_for_a_while_has_missed_samples_and_keeps_its_line() -
     assert np.max(np.abs(polled.errors_ms(after_s=10.0))) < 0.4
 
 
+@pytest.mark.long
 def test_a_chip_far_outside_its_datasheet_still_gets_increasing_stamps() -> None:
     polled = poll(-0.08, 1)
     assert np.all(np.diff(polled.stamps_ns) > 0)

@@ -40,6 +40,7 @@ def test_a_known_model_is_recovered() -> None:
     assert noise.correlation[0, 1] == pytest.approx(0.5, abs=0.05)
 
 
+@pytest.mark.long
 def test_stated_deviations_of_offset_drift_and_mean_hold_over_draws() -> None:
     found = [fit_force_noise(T_S, coloured(seed), ("a", "b")).channels[0] for seed in range(10, 60)]
     for errors, stated in (

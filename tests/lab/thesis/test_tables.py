@@ -83,6 +83,7 @@ def test_an_ablation_without_noise_is_drawn_once(laboratory: Laboratory) -> None
     assert len({ablation.cause for ablation in ABLATIONS}) == len(ABLATIONS)
 
 
+@pytest.mark.long
 def test_tables_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "tables.json"
     app(

@@ -103,6 +103,7 @@ def test_walking_with_heel_strikes_turns_and_stops_stays_level(seed: int) -> Non
     assert told.largest_deg(1.5) <= 1.0
 
 
+@pytest.mark.long
 def test_stated_tilt_covariance_holds_over_units_drawn_from_the_calibrations_residual() -> None:
     runs = []
     for seed in range(6):
@@ -163,6 +164,7 @@ def test_starts_in_motion_with_a_covariance_that_admits_it_and_heals_at_rest(see
     assert told.rms_deg(38.0) < 0.2
 
 
+@pytest.mark.long
 def test_rate_of_the_samples_does_not_matter() -> None:
     fine = hip_motion([(10.0, 26.0)], 30.0, seed=7, rate_hz=1000)
     rms_deg = {

@@ -86,6 +86,7 @@ def test_after_any_outages_and_clipping_never_wrong_and_soon_valid(
     assert longest_s < (LONGEST_RECOVERY_S if name != "walking" else 5.5)  # a start in motion knows no bias
 
 
+@pytest.mark.long
 @settings(max_examples=10, deadline=None)
 @given(name=walks, seed=seeds, reset_s=st.floats(3.0, 14.0))
 def test_after_a_reset_never_wrong_and_valid_in_time(name: str, seed: int, reset_s: float) -> None:

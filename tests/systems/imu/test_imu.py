@@ -172,6 +172,7 @@ def test_noise_of_the_reference_does_not_call_for_a_low_pass() -> None:
         assert misfit(simulation, {"low_pass.gyro_hz": wrong_hz, "low_pass.acc_hz": wrong_hz}) > right
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["gyro", "acc"])
 def test_noise_of_the_reference_does_not_make_a_filter_look_narrower(kind: str) -> None:
     simulation = simulated(swung_before_noisy_cameras(Unit(cut_off_hz=(9.0, 9.0))))

@@ -150,6 +150,7 @@ def test_an_effect_at_its_true_size_explains_what_the_rig_does(
     assert (after[~struck] <= before[~struck] + 2.0 * floor[~struck] + UNSEEN[: len(floor)][~struck]).all()
 
 
+@pytest.mark.long
 def test_limits_play_and_rounding_are_met_as_far_as_samples_tell() -> None:
     deviation, largest = clean(False).wrench.std(axis=0), np.abs(clean(False).wrench).max(axis=0)
     for flaws, values, share in (
