@@ -206,10 +206,11 @@ def test_an_unsound_imu_row_is_named(tmp_path: Path, row: str, line: str) -> Non
     [
         (b"", "cannot be read: Compressed file ended"),
         (b"ns,0,0", "cannot be read: Not a gzipped file"),
-        (gzip.compress(b"1,0,0,0,0,0,9.8\n" * 99)[:-12], "cannot be read: "),
-        (gzip.compress(b"# nothing\n\n"), "holds no row"),
-        (gzip.compress(b"\xff\xfe"), "is not text (byte 0)"),
+        (gzip.compress(b"1,0,0,0,0,0,9.8\n" * 99, mtime=0)[:-12], "cannot be read: "),
+        (gzip.compress(b"# nothing\n\n", mtime=0), "holds no row"),
+        (gzip.compress(b"\xff\xfe", mtime=0), "is not text (byte 0)"),
     ],
+    ids=["empty", "no gzip", "cut", "no row", "no text"],
 )
 def test_an_imu_table_that_cannot_be_read_is_named(tmp_path: Path, content: bytes, line: str) -> None:
     make_folder(tmp_path)
