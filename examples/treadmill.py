@@ -43,7 +43,7 @@ EFFECTS = (
     Effect(
         "belt_acceleration",
         (number("inertia_kgm", "kg·m", 2.0),),
-        "Belt and rollers are accelerated on top of the force plate, which feels the reaction.",
+        "Belt and rollers are accelerated on top of the force plate, which measures the reaction.",
         "Subtract the inertia times the belt's acceleration.",
         EXPERIMENT,
     ),

@@ -11,7 +11,7 @@ whose strength is learnt; δπ and δr are what the bodies and the ankle's centr
 the trial; the lever is considered only. The rest is estimated at once (`mixed_model`), so every interval holds them
 all.
 
-The intrinsic part is separated from the reflex by time. Of a ramp's cycle only what is felt before `REFLEX_FROM_S`
+The intrinsic part is separated from the reflex by time. Of a ramp's cycle only what is measured before `REFLEX_FROM_S`
 after the onset is used. Under random perturbation the plate's rate of `REFLEX_FROM_S` to `REFLEX_TO_S` ago, of each
 sign, stands in the model as a cause of its own.
 """

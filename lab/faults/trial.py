@@ -78,12 +78,12 @@ def measure(
     What takes motion to be seen is flagged by a ground that is refused for some frames; a single one is chance.
     """
     heard = [h for h in grounds if times.inject_ns < h.t_ns <= times.end_ns]
-    felt = [a for a in attitudes if times.inject_ns < a.t_ns <= times.end_ns]
+    after_injection = [a for a in attitudes if times.inject_ns < a.t_ns <= times.end_ns]
     can = [c for c in on_can if times.inject_ns < c.t_ns <= times.end_ns]
     last_flag_ns = times.clear_ns + round(FLAG_GRACE_S * 1e9)
     signals = [(h.t_ns, h.ground.reason) for h in _flagged(heard, LASTING_FLAGS if expected.in_motion else 1)]
     if not expected.in_motion:
-        signals += [(a.t_ns, a.reason) for a in felt if not a.valid]
+        signals += [(a.t_ns, a.reason) for a in after_injection if not a.valid]
     signals = [(t_ns, why) for t_ns, why in signals if t_ns <= last_flag_ns and why not in expected.foreign]
     flag_ns, reason = min(signals, default=(None, None))
     during = [h for h in heard if h.t_ns <= times.clear_ns]
@@ -96,7 +96,7 @@ def measure(
         wrong=sum(h.errors.wrong for h in heard),
         stale=sum(h.stale for h in heard),
         wrong_on_can=sum(c.errors.wrong for c in can),
-        wrong_attitudes=sum(a.wrong for a in felt),
+        wrong_attitudes=sum(a.wrong for a in after_injection),
         worst_slope_deg=math.degrees(max((h.errors.slope_rad for h in heard), default=0.0)),
         worst_height_mm=1e3 * max((h.errors.height_m for h in heard), default=0.0),
     )

@@ -96,7 +96,7 @@ class Scene:
 
 
 class _Mounted:
-    """The gait as the camera feels it: turned in its mount, and `late_ns` later. It passes for a Gait."""
+    """The gait as the camera moves: turned in its mount, and `late_ns` later. It passes for a Gait."""
 
     def __init__(self, scene: Scene, late_ns: int) -> None:
         self._scene, self._late_ns = scene, late_ns
@@ -161,13 +161,13 @@ def _arrival(message: ImuSample | StereoFrame) -> int:
 
 
 def _samples(scene: Scene) -> Iterator[ImuSample]:
-    def felt(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
+    def imu_motion(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         motion = scene.gait.at(t_ns)
         vehicle_B = np.einsum("nij,ni->nj", motion.R_WB, scene.vehicle_W_mps2(t_ns))
         return motion.sf_B_mps2 + vehicle_B, motion.w_WB_B_radps
 
     clock = SimulatedClock(scene.first_ns - _BOOT_NS)
-    chip = Mpu6050Chip(felt, scene.unit.chip, clock, scene.seed)
+    chip = Mpu6050Chip(imu_motion, scene.unit.chip, clock, scene.seed)
     wires = I2cWires({0x68: chip}, elapse=clock.sleep)
     imu = Mpu6050(wires.open, settings=Mpu6050Settings(), clock=clock, sleep=clock.sleep)
     imu.open()
@@ -234,8 +234,8 @@ class _Cameras:
         return left, right
 
     def _renderer(self, unit: Unit, late_ns: int) -> Renderer:
-        felt: Gait = _Mounted(self._scene, late_ns)  # type: ignore[assignment]
-        return Renderer(unit, self._scene.world, felt, self._scene.seed)
+        camera_gait: Gait = _Mounted(self._scene, late_ns)  # type: ignore[assignment]
+        return Renderer(unit, self._scene.world, camera_gait, self._scene.seed)
 
 
 def _write_tables(scene: Scene, folder: Path) -> None:
