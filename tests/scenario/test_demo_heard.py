@@ -36,35 +36,35 @@ def endpoint() -> Iterator[str]:
         assert demo.wait(30) == 0
 
 
-def heard(example: str, *arguments: str) -> list[str]:
-    """Return what the example prints until it has told of ground or refused it five times."""
+def heard(example: str, *arguments: str, count: int) -> list[str]:
+    """Return the first `count` lines that the example prints."""
     command = [sys.executable, str(EXAMPLES / example), *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         watchdog = threading.Timer(30.0, process.kill)
         watchdog.start()
         assert process.stdout is not None
-        lines = [line for _, line in zip(range(5), process.stdout, strict=False)]
+        lines = [line for _, line in zip(range(count), process.stdout, strict=False)]
         watchdog.cancel()
         process.kill()
     return lines
 
 
 def test_a_subscriber_hears_the_ground_and_is_told_that_it_is_simulated(endpoint: str) -> None:
-    lines = heard("zenoh_subscriber.py", "--connect", endpoint, "--accept-simulated")
+    lines = heard("zenoh_subscriber.py", "--connect", endpoint, "--accept-simulated", count=20)
     # a busy machine may be late with a sample or a frame, and the service then says so
     assert sum(line.startswith("simulated valid none slope") for line in lines) >= 3
     assert not any(line.startswith(("live", "replay")) for line in lines)
 
 
 def test_a_subscriber_that_wants_live_data_refuses(endpoint: str) -> None:
-    lines = heard("zenoh_subscriber.py", "--connect", endpoint)
+    lines = heard("zenoh_subscriber.py", "--connect", endpoint, count=5)
     assert all(line.startswith("silence, refused") for line in lines)
     assert "'not_live': " in lines[-1]
 
 
 def test_a_can_listener_hears_the_same_ground(endpoint: str) -> None:
     assert endpoint
-    lines = heard("can_listener.py", "--channel", f"socket://127.0.0.1:{PORT}", "--accept-simulated")
+    lines = heard("can_listener.py", "--channel", f"socket://127.0.0.1:{PORT}", "--accept-simulated", count=20)
     told = [line for line in lines if line.startswith("ground simulated slope")]
     assert len(told) >= 3
     heights_m = [float(line.split("height ")[1].split()[0]) for line in told]
