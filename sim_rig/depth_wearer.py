@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from messages import DepthFrame, DepthUnitCalibration, Frame, GroundTruth, ImuSample, Tick
+from messages import DepthFrame, DepthUnitCalibration, Frame, GroundTruth, ImuSample, Tick, UserError
 from sim_rig.camera.depth_renderer import DepthErrors, DepthRenderer
 from sim_rig.camera.depth_unit import DEPTH_HEIGHT_PX, DEPTH_WIDTH_PX, draw_depth_unit
 from sim_rig.camera.shutter import Shutter
@@ -14,7 +14,10 @@ from sim_rig.wearer import SimulatedWearer
 
 
 class DepthWearer:
-    """The person and IMU of `SimulatedWearer(seed, scenario, start_ns)`, and a depth camera (see `draw_depth_unit`)."""
+    """The person and IMU of `SimulatedWearer(seed, scenario, start_ns)`, and a depth camera (see `draw_depth_unit`).
+
+    Raises UserError for a scenario with things in the picture or rough ground: only smooth ground has a depth here.
+    """
 
     def __init__(
         self,
@@ -24,12 +27,16 @@ class DepthWearer:
         perfect_calibration: bool = False,
         errors: DepthErrors | None = None,
     ) -> None:
+        if scenario.things or scenario.world.relief is not None:
+            raise UserError(f"scenario '{scenario.name}' is not for a depth camera, which shows smooth ground alone")
         self._person = SimulatedWearer(seed, scenario, start_ns, perfect_calibration)
         self.gait = self._person.gait
         self.unit, stated = draw_depth_unit(seed, perfect_calibration=perfect_calibration)
         self.calibration: DepthUnitCalibration = stated
         self.shutter = Shutter(self.unit.depth, stated.depth, seed, start_ns)
-        self._truth = TruthSource(self.unit.X_BD, np.array([0.0, 0.0, 1.0]), scenario.world, self.gait)
+        self._truth = TruthSource(
+            self.unit.X_BD, np.array([0.0, 0.0, 1.0]), scenario.world, self.gait, self._person.footholds
+        )
         self._renderer = DepthRenderer(self.unit, scenario.world, self.gait, seed, errors)
 
     def truth(self, t_exposure_ns: int, ahead_m: float = 0.7, half_length_m: float = 0.3) -> GroundTruth:

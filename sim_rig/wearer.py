@@ -12,15 +12,19 @@ from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
 from messages import TOPICS, Calibration, Frame, GroundTruth, ImuSample, StereoFrame, Tick
 from sim_rig.camera.rendered_frames import RenderedFrames, Scene
+from sim_rig.camera.renderer import Effects
 from sim_rig.camera.rig_camera import RigCamera
 from sim_rig.camera.shutter import Shutter
+from sim_rig.camera.usable_region import RegionSeen, UsableRegion
 from sim_rig.imu.data_ready import SimulatedDataReady
+from sim_rig.imu.drift import Drifting
 from sim_rig.imu.i2c_bus import I2cWires, SimulatedI2cBus
 from sim_rig.imu.mpu6050_chip import Mpu6050Chip
 from sim_rig.imu.simulated_clock import SimulatedClock
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, draw_unit
+from sim_rig.walk.footholds import Footholds
 from sim_rig.walk.scenario import Scenario
-from sim_rig.walk.truth import TruthSource, rectified_axis_L
+from sim_rig.walk.truth import FootholdTruth, TruthSource, rectified_axis_L
 
 _IMU_ADDRESS = 0x68
 _IMU_POLL_NS = 5_000_000
@@ -56,6 +60,7 @@ class SimulatedWearer:
         perfect_calibration: bool = False,
         *,
         rolling_shutter: bool = True,
+        effects: Effects | None = None,
     ) -> None:
         self.scenario = scenario
         self.unit: Unit = draw_unit(seed, rolling_shutter=rolling_shutter)
@@ -68,9 +73,12 @@ class SimulatedWearer:
         self.shutter = Shutter(self.unit.stereo, self.calibration.stereo, seed, start_ns)
         self.gait = self._scene.gait()
         axis_L = rectified_axis_L(self.unit.stereo)
-        self._truth = TruthSource(self.unit.X_BL, axis_L, scenario.world, self.gait)
+        self.footholds = Footholds(scenario.world, self.gait, seed)
+        self._truth = TruthSource(self.unit.X_BL, axis_L, scenario.world, self.gait, self.footholds)
         self._seed = seed
+        self._effects = effects
         self._start_ns = start_ns
+        self._region: UsableRegion | None = None
         self._camera: RigCamera | None = None
         self._chip: Mpu6050Chip | None = None
         self._wires: I2cWires | None = None
@@ -113,9 +121,28 @@ class SimulatedWearer:
         """
         return self._truth.at(self.shutter.true_of(t_exposure_ns), t_exposure_ns, ahead_m, half_length_m)
 
+    def region_seen(
+        self, t_exposure_ns: int, ahead_m: float = 0.7, half_length_m: float = 0.3, half_width_m: float = 0.3
+    ) -> RegionSeen:
+        """Return how much of the foothold region the frame whose header says `t_exposure_ns` shows so that it can be
+        measured; it is rendered anew for that.
+        """
+        if self._region is None:
+            self._region = UsableRegion(self._scene)
+        t_ns = self.shutter.true_of(t_exposure_ns)
+        exposure_s = self.shutter.exposure_s(self.shutter.frame_at(t_ns))
+        return self._region.seen(t_ns, exposure_s, ahead_m, half_length_m, half_width_m)
+
+    def next_foothold(self, t_exposure_ns: int) -> FootholdTruth | None:
+        """Return where the next foot lands after the frame whose header says `t_exposure_ns`, seen from its H.
+
+        None for a wearer who never walks.
+        """
+        return self._truth.next_foothold(self.shutter.true_of(t_exposure_ns))
+
     def frames(self, count: int, first: int = 0) -> Iterator[tuple[StereoFrame, GroundTruth]]:
         """Yield frames `first`, `first` + 1 … with their truth, as fast as they can be rendered in this process."""
-        renderer = self._scene.renderer()
+        renderer = self._scene.renderer(self._effects)
         for k in range(first, first + count):
             left, right = np.empty((2, HEIGHT_PX, WIDTH_PX), np.uint8)
             renderer.render(self.shutter.true_ns(k), self.shutter.exposure_s(k), k, left, right)
@@ -129,10 +156,7 @@ class SimulatedWearer:
         The real driver polls the simulated chip on a simulated clock, every 5 ms but for a thread's lateness, from a
         quarter of a second before the start on; ticks come every 10 ms, frames when they are due. Nothing is lost.
         """
-        clock = SimulatedClock(self._start_ns - _BOOT_NS)
-        wires = I2cWires({_IMU_ADDRESS: self._new_chip(clock)}, elapse=clock.sleep)
-        imu = Mpu6050(wires.open, settings=Mpu6050Settings(), clock=clock, sleep=clock.sleep)
-        imu.open()
+        clock, imu = self._offline_imu()
         end_ns = self._start_ns + round(seconds * 1e9)
         due_frames = 0
         camera = camera or self
@@ -155,10 +179,26 @@ class SimulatedWearer:
                 yield frame
         imu.close()
 
+    def offline_samples(self, seconds: float) -> Iterator[ImuSample]:
+        """Yield the samples alone of `offline_inputs`, without a picture."""
+        clock, imu = self._offline_imu()
+        for t_ns in self._poll_times_ns(clock(), self._start_ns + round(seconds * 1e9)):
+            clock.advance_to(t_ns)
+            yield from imu.read(timeout_s=0.0)
+        imu.close()
+
     def close(self) -> None:
         """End the camera's process, if it was started."""
         if self._camera is not None:
             self._camera.close()
+
+    def _offline_imu(self) -> tuple[SimulatedClock, Mpu6050]:
+        """Return the driver, set up on a new chip, and the clock of both, which stands just before the start."""
+        clock = SimulatedClock(self._start_ns - _BOOT_NS)
+        wires = I2cWires({_IMU_ADDRESS: self._new_chip(clock)}, elapse=clock.sleep)
+        imu = Mpu6050(wires.open, settings=Mpu6050Settings(), clock=clock, sleep=clock.sleep)
+        imu.open()
+        return clock, imu
 
     def _poll_times_ns(self, from_ns: int, to_ns: int) -> list[int]:
         planned_ns = np.arange(from_ns, to_ns, _IMU_POLL_NS)
@@ -172,4 +212,5 @@ class SimulatedWearer:
         return self._chip
 
     def _new_chip(self, clock: Callable[[], int]) -> Mpu6050Chip:
-        return Mpu6050Chip(self.gait.imu, self.unit.chip, clock, self._seed)
+        drifting = Drifting(self.scenario.drift, self._start_ns)
+        return Mpu6050Chip(self.gait.imu, self.unit.chip, clock, self._seed, drifting=drifting)

@@ -86,7 +86,8 @@ class DepthRenderer:
         down_W = self._y[:, None] * R_WD[:, :, 1] + R_WD[:, :, 2]
         inverse: FloatImage = np.zeros(_SHAPE, np.float32)
         x_m = float(o_W[:, 0].min())
-        for segment in self._world.between(x_m + _NEAREST_M, x_m + _REACH_M):
+        looks_back = min(float((down_W[:, 0] + side * across_W[:, 0]).min()) for side in self._x[[0, -1]]) < 0.0
+        for segment in self._world.between(x_m - _REACH_M if looks_back else x_m + _NEAREST_M, x_m + _REACH_M):
             self._draw(segment, o_W, across_W, down_W, inverse)
         return inverse
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from drivers.protocols import DeviceError
 from messages.arrays import GreyImage
-from sim_rig.camera.renderer import Renderer
+from sim_rig.camera.renderer import Effects, Renderer
 from sim_rig.camera.shutter import Shutter
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import Gait
@@ -52,12 +52,20 @@ class Scene:
 
     def gait(self) -> Gait:
         """Return the wearer's motion."""
-        scenario = self.scenario
-        return Gait(scenario.world, scenario.legs, scenario.hip_height_m, self.seed, self.start_ns)
+        return self.scenario.gait(self.seed, self.start_ns)
 
-    def renderer(self) -> Renderer:
-        """Return the renderer of both cameras."""
-        return Renderer(self.unit, self.scenario.world, self.gait(), self.seed)
+    def renderer(self, effects: Effects | None = None) -> Renderer:
+        """Return the renderer of both cameras, with these optical `effects` instead of the usual ones."""
+        scenario = self.scenario
+        return Renderer(
+            self.unit,
+            scenario.world,
+            self.gait(),
+            self.seed,
+            things=scenario.things,
+            contrast=scenario.contrast,
+            effects=effects,
+        )
 
 
 class Rendered(NamedTuple):

@@ -6,36 +6,41 @@ divided; for a pinhole and a still camera they are linear in the pixel, so inter
 remains is the curvature of lens distortion and of the motion within 8 rows (below 0.02 px).
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import cv2
 import numpy as np
 
 from messages import Lens
-from messages.arrays import BoolArray, Float32Array, FloatArray, GreyImage, IntArray
+from messages.arrays import BoolArray, FloatArray, FloatImage, GreyImage, IntArray
 from perception.depth.rectify import undistorted_rays
-from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXEL_M, TILE, canvas
+from sim_rig.camera.blur import LENS_BLUR_PX, line_kernel
+from sim_rig.camera.grid import CELL, COLUMNS, ROWS, node_pixels, of_pixels
+from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TILE, canvas, texel_m
+from sim_rig.camera.things_layer import Eye, ThingsLayer
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import Gait, Motion
+from sim_rig.walk.relief import Relief
+from sim_rig.walk.things import Placed, Thing, Walker
 from sim_rig.walk.world import Segment, World
 
-_CELL = 8
-_ROWS, _COLUMNS = HEIGHT_PX // _CELL, WIDTH_PX // _CELL
-_REACH_M = 10.0  # of ground that is drawn ahead; beyond, a camera that looks down sees none
+_REACH_M = 10.0  # of ground that is drawn; beyond, a camera that looks down sees none
 _NEAREST_M = 0.05  # ahead of the camera, from which on ground is drawn
 _FAR_M = 1e6  # in place of where a ray meets no ground
 _HORIZON = 1e-3  # of a ray's slope towards the ground, below which it counts as never meeting it
 
 _BLUR_ROWS, _BLUR_COLUMNS = 6, 5
-_LENS_BLUR_PX = 0.55
-_LEAST_BLUR_PX = 0.3  # motion blur below it is not to be seen beside the lens's
-_MOST_BLUR_PX = 12.0  # a limit to the kernel's size
 
 _READ_NOISE = 0.9
 _SHOT_NOISE = 0.15  # deviation √(read² + (shot² · grey)): 1.7 grey levels at mid-grey
 _NOISE_MARGIN = 256
 _VIGNETTING = 0.28
 _BACKGROUND = 70
+_EVEN_GREY = 120
+
+_Number = TypeVar("_Number", FloatArray, FloatImage)
 
 
 @dataclass(frozen=True)
@@ -49,28 +54,42 @@ class Effects:
 class Renderer:
     """Renders the pairs that one unit sees on one walk. Deterministic in its arguments and `render`'s. Not thread-safe.
 
-    The cameras must look downwards: a ray above the horizon sees nothing.
+    The cameras must look downwards: a ray above the horizon sees nothing. `things` stand before the ground. `contrast`
+    draws all light that reaches the lenses towards an even grey; the sensor's noise stays as it is.
     """
 
-    def __init__(self, unit: Unit, world: World, gait: Gait, seed: int, effects: Effects | None = None) -> None:
+    def __init__(
+        self,
+        unit: Unit,
+        world: World,
+        gait: Gait,
+        seed: int,
+        effects: Effects | None = None,
+        *,
+        things: Sequence[Thing] = (),
+        contrast: float = 1.0,
+    ) -> None:
         self._world = world
         self._gait = gait
         self._seed = seed
+        self._walker = Walker(gait, world, seed)
+        self._things = things
+        self._contrast = contrast
         self._effects = effects or Effects()
         stereo = unit.stereo
         R_BL, p_BL = np.array(unit.X_BL.R), np.array(unit.X_BL.p_m)
         R_RL, p_RL = np.array(stereo.X_RL.R), np.array(stereo.X_RL.p_m)
         R_BR = R_BL @ R_RL.T
-        self._cameras = (
-            _Camera(stereo.left, R_BL, p_BL, unit.gain[0]),
-            _Camera(stereo.right, R_BR, p_BL - R_BR @ p_RL, unit.gain[1]),
+        self.cameras = (
+            Camera(stereo.left, R_BL, p_BL, unit.gain[0]),
+            Camera(stereo.right, R_BR, p_BL - R_BR @ p_RL, unit.gain[1]),
         )
-        rows = _node_pixels(_ROWS)
+        rows = node_pixels(ROWS)
         self._row_ns = np.rint((rows - (HEIGHT_PX - 1) / 2) * stereo.row_time_s * 1e9).astype(np.int64)
         rng = np.random.default_rng([seed, 3])
         shape = (HEIGHT_PX + _NOISE_MARGIN, WIDTH_PX + _NOISE_MARGIN)
         self._noise = rng.standard_normal(shape, dtype=np.float32)
-        self._deviation = np.sqrt(_READ_NOISE**2 + _SHOT_NOISE**2 * np.arange(256)).astype(np.float32)
+        self._deviation = np.sqrt(noise_variance(np.arange(256.0))).astype(np.float32)
         self._picture = np.empty((HEIGHT_PX, WIDTH_PX), np.uint8)
 
     def render(self, t_ns: int, exposure_s: float, index: int, left: GreyImage, right: GreyImage) -> None:
@@ -78,66 +97,122 @@ class Renderer:
 
         `index` is the frame's number: it draws the noise.
         """
-        motion = self._gait.at(t_ns + self._row_ns)
-        x_m = float(motion.p_WB_m[:, 0].min())
-        ground = list(self._world.between(x_m + _NEAREST_M, x_m + _REACH_M))[::-1]
         rng = np.random.default_rng([self._seed, 4, index])
-        for camera, picture in zip(self._cameras, (left, right), strict=True):
-            view = _View(camera, motion)
-            self._picture.fill(_BACKGROUND)
-            for segment in ground:  # far to near: along any ray that goes forward the nearest piece is drawn last
-                view.draw(segment, self._picture)
-            sharp = cv2.GaussianBlur(self._picture, (3, 3), _LENS_BLUR_PX)
-            blurred = view.blur(sharp, exposure_s) if self._effects.motion_blur else sharp  # type: ignore[arg-type]
-            cv2.multiply(blurred, camera.shade, dst=picture, scale=camera.gain / 255)
+        for camera, seen, picture in zip(self.cameras, self._seen(t_ns, exposure_s), (left, right), strict=True):
+            light: GreyImage | FloatImage = picture
+            if self._contrast == 1.0:
+                cv2.multiply(seen, camera.shade, dst=picture, scale=camera.gain / 255)
+            else:  # not rounded before the noise, which is larger than what is left of a texture
+                light = self._dimmed(camera, seen)
+                np.copyto(picture, np.clip(np.rint(light), 0, 255), casting="unsafe")
             if self._effects.noise:
                 row, column = rng.integers(0, _NOISE_MARGIN, 2)
                 field = self._noise[row : row + HEIGHT_PX, column : column + WIDTH_PX]
                 noise = cv2.multiply(cv2.LUT(picture, self._deviation), field)
-                cv2.add(picture, noise, dst=picture, dtype=cv2.CV_8U)
+                cv2.add(light, noise, dst=picture, dtype=cv2.CV_8U)
+
+    def light(self, t_ns: int, exposure_s: float) -> tuple[FloatImage, FloatImage]:
+        """Return left and right (720, 1280) of `render` in grey levels before noise, rounding and saturation."""
+        left, right = (
+            self._dimmed(camera, seen) for camera, seen in zip(self.cameras, self._seen(t_ns, exposure_s), strict=True)
+        )
+        return left, right
+
+    def _seen(self, t_ns: int, exposure_s: float) -> Iterator[GreyImage]:
+        """Yield what reaches each eye's sensor in full light, before shading."""
+        motion = self._gait.at(t_ns + self._row_ns)
+        blocks, instants = self._placed(t_ns, exposure_s)
+        for camera in self.cameras:
+            view = _View(camera, motion)
+            self._picture.fill(_BACKGROUND)
+            for segment in view.pieces_in_sight(self._world):
+                view.draw(segment, self._world.relief, self._picture)
+            sharp = cv2.GaussianBlur(self._picture, (3, 3), LENS_BLUR_PX)
+            blurred = view.blur(sharp, exposure_s) if self._effects.motion_blur else sharp  # type: ignore[arg-type]
+            if instants is not None:
+                ThingsLayer(camera.eye(instants), blocks).draw_over(blurred, blur=self._effects.motion_blur)  # type: ignore[arg-type]
+            yield blurred  # type: ignore[misc]
+
+    def _dimmed(self, camera: "Camera", seen: GreyImage) -> FloatImage:
+        """Return `seen` at this renderer's contrast, shaded, in grey levels."""
+        even = np.float32((1.0 - self._contrast) * _EVEN_GREY)
+        dimmed = seen * np.float32(self._contrast) + even
+        return cv2.multiply(dimmed, camera.shade, scale=camera.gain / 255, dtype=cv2.CV_32F)  # type: ignore[return-value]
+
+    def _placed(self, t_ns: int, exposure_s: float) -> tuple[list[Placed], Motion | None]:
+        """Return the blocks of all things, and the wearer's motion, at the rows of nodes and at the exposure's ends."""
+        if not self._things:
+            return [], None
+        half_ns = round(0.5e9 * exposure_s)
+        instants_ns = t_ns + np.concatenate((self._row_ns, (-half_ns, half_ns)))
+        motion = self._gait.at(instants_ns)
+        return [p for thing in self._things for p in thing.placed(self._walker, instants_ns, motion)], motion
 
 
-class _Camera:
+def noise_variance(grey: _Number) -> _Number:
+    """Return the variance of a pixel of mean `grey`, of any shape."""
+    variance: _Number = _READ_NOISE**2 + _SHOT_NOISE**2 * grey
+    return variance
+
+
+class Camera:
     """One raw camera E: its pose in B, its rays at the nodes (rows, columns, 3) with z = 1, its shading."""
 
     def __init__(self, lens: Lens, R_BE: FloatArray, p_BE_m: FloatArray, gain: float) -> None:
-        self.R_BE, self.p_BE_m, self.gain = R_BE, p_BE_m, gain
-        self.rays_E = undistorted_rays(lens, _node_pixels(_COLUMNS), _node_pixels(_ROWS))
+        self.R_BE, self.p_BE_m, self.gain, self.lens = R_BE, p_BE_m, gain, lens
+        self.rays_E = undistorted_rays(lens, node_pixels(COLUMNS), node_pixels(ROWS))
         u, v = np.arange(WIDTH_PX) - lens.cx_px, np.arange(HEIGHT_PX) - lens.cy_px
         radius2 = (u[None] ** 2 + v[:, None] ** 2) / (WIDTH_PX / 2) ** 2
         self.shade: GreyImage = np.rint(255 * (1 - _VIGNETTING * radius2 / radius2.max())).astype(np.uint8)
+
+    def eye(self, motion: Motion) -> Eye:
+        """Return where this camera is at the instants of `motion`."""
+        return Eye(self.lens, self.rays_E, motion.R_WB @ self.R_BE, motion.p_WB_m + motion.R_WB @ self.p_BE_m)
 
     def px_per_ray(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Return (…, 2, 2): how far a pixel moves for a small change of its ray's x and y, at these nodes."""
         across = self.rays_E[rows, columns + 1] - self.rays_E[rows, columns - 1]
         down = self.rays_E[rows + 1, columns] - self.rays_E[rows - 1, columns]
-        ray_per_px = np.stack((across, down), axis=-1)[..., :2, :] / (2 * _CELL)
+        ray_per_px = np.stack((across, down), axis=-1)[..., :2, :] / (2 * CELL)
         return np.linalg.inv(ray_per_px).astype(np.float64)
 
 
 class _View:
     """One camera at one frame: where each node's row of the sensor was, and where its rays went."""
 
-    def __init__(self, camera: _Camera, motion: Motion) -> None:
+    def __init__(self, camera: Camera, motion: Motion) -> None:
         self._camera = camera
         self._motion = motion
         self._R_WE = motion.R_WB @ camera.R_BE
         self._o_W = motion.p_WB_m + motion.R_WB @ camera.p_BE_m
         self._d_W = camera.rays_E @ self._R_WE.transpose(0, 2, 1)
         self._blur_rows, self._blur_columns = np.ix_(
-            ((np.arange(_BLUR_ROWS) + 0.5) * _ROWS / _BLUR_ROWS).astype(int) + 1,
-            ((np.arange(_BLUR_COLUMNS) + 0.5) * _COLUMNS / _BLUR_COLUMNS).astype(int) + 1,
+            ((np.arange(_BLUR_ROWS) + 0.5) * ROWS / _BLUR_ROWS).astype(int) + 1,
+            ((np.arange(_BLUR_COLUMNS) + 0.5) * COLUMNS / _BLUR_COLUMNS).astype(int) + 1,
         )
         self._depth_m = np.full((_BLUR_ROWS, _BLUR_COLUMNS), np.inf)
+        self._relief_m: FloatArray | None = None
 
-    def draw(self, segment: Segment, picture: GreyImage) -> None:
-        """Draw what of `segment` faces this camera over `picture`."""
+    def pieces_in_sight(self, world: World) -> list[Segment]:
+        """Return the ground within reach, far to near: along any ray the nearest piece is drawn last."""
+        x_m = float(self._motion.p_WB_m[:, 0].min())
+        ahead = list(world.between(x_m + _NEAREST_M, x_m + _REACH_M))[::-1]
+        if self._d_W[..., 0].min() >= 0.0:
+            return ahead
+        return [piece for piece in world.between(x_m - _REACH_M, x_m + _NEAREST_M) if piece not in ahead] + ahead
+
+    def draw(self, segment: Segment, relief: Relief | None, picture: GreyImage) -> None:
+        """Draw what of `segment` faces this camera over `picture`, with `relief` on it."""
         length_m = segment.length_m
         along_x, along_z = (segment.x1_m - segment.x0_m) / length_m, (segment.z1_m - segment.z0_m) / length_m
         ox, oz = self._o_W[:, 0, None] - segment.x0_m, self._o_W[:, 2, None] - segment.z0_m
         above_m = along_x * oz - along_z * ox
         if above_m.min() <= 0:
             return
+        if relief is not None:  # each node's ray meets the plane raised by the height at which it meets the ground
+            if self._relief_m is None:
+                self._relief_m = relief.met(self._o_W, self._d_W)
+            above_m = above_m - self._relief_m
         # A ray o + λd meets the plane at λ = above / W, W = −n·d; s and c are homogeneous with W.
         dx, dy, dz = self._d_W[..., 0], self._d_W[..., 1], self._d_W[..., 2]
         W = along_z * dx - along_x * dz
@@ -158,7 +233,7 @@ class _View:
         height, width = HEIGHT_PX // _BLUR_ROWS, WIDTH_PX // _BLUR_COLUMNS
         blurred: GreyImage = sharp.copy()
         for i, j in np.ndindex(_BLUR_ROWS, _BLUR_COLUMNS):
-            kernel = _line_kernel(motion_px[i, j])
+            kernel = line_kernel(motion_px[i, j])
             if kernel is None:
                 continue
             pad = kernel.shape[0] // 2
@@ -208,13 +283,14 @@ def _paint_piece(segment: Segment, seen: BoolArray, at: _Hits, picture: GreyImag
     top, bottom = int(rows.min()), int(rows.max()) + 1
     left, right = int(columns.min()), int(columns.max()) + 1
     length_m = segment.length_m
-    rows_texels = max(1, round(length_m / TEXEL_M / 2**MAX_LEVEL)) << MAX_LEVEL
-    texel_m = length_m / rows_texels  # stretched so that both ends of the piece fall on texels at every level
+    across_m = texel_m(segment.texture)
+    rows_texels = max(1, round(length_m / across_m / 2**MAX_LEVEL)) << MAX_LEVEL
+    along_m = length_m / rows_texels  # stretched so that both ends of the piece fall on texels at every level
     middle = (left + right) // 2
     levels = np.stack(
         (
-            _levels(at.s_m, top, bottom, middle, texel_m),
-            _levels(at.c_m, top, bottom, middle, TEXEL_M),
+            _levels(at.s_m, top, bottom, middle, along_m),
+            _levels(at.c_m, top, bottom, middle, across_m),
         )
     )
     changes = np.flatnonzero((np.diff(levels) != 0).any(axis=0)) + 1
@@ -225,21 +301,16 @@ def _paint_piece(segment: Segment, seen: BoolArray, at: _Hits, picture: GreyImag
         if not touched.any():  # a piece at the picture's corner need not show in every band of its box
             continue
         c_seen = at.c_m[nodes[0].start + 1 : nodes[0].stop - 1, left + 1 : right + 1][touched > 0]
-        origin, column_level = _column_origin(float(c_seen.min()), float(c_seen.max()), column_level)
+        origin, column_level = _column_origin(float(c_seen.min()), float(c_seen.max()), column_level, across_m)
         W_band = at.W[nodes]
         surface = canvas(segment.texture, rows_texels, segment.texture_phase, row_level, column_level)
         _paint(
             surface,
-            at.C[nodes] / (TEXEL_M * 2**column_level) - origin * W_band,
-            at.S[nodes] / (texel_m * 2**row_level),
+            at.C[nodes] / (across_m * 2**column_level) - origin * W_band,
+            at.S[nodes] / (along_m * 2**row_level),
             W_band,
-            picture[(top + begin) * _CELL : (top + end) * _CELL, left * _CELL : right * _CELL],
+            picture[(top + begin) * CELL : (top + end) * CELL, left * CELL : right * CELL],
         )
-
-
-def _node_pixels(cells: int) -> FloatArray:
-    """Return the pixel of each node: the middle of each cell and of one more on either side, as cv2.resize has it."""
-    return np.arange(-1, cells + 1, dtype=np.float64) * _CELL + (_CELL - 1) / 2
 
 
 def _cells_touching(s_m: FloatArray, length_m: float) -> BoolArray:
@@ -249,31 +320,29 @@ def _cells_touching(s_m: FloatArray, length_m: float) -> BoolArray:
     return touching[1:-1, 1:-1]
 
 
-def _levels(position_m: FloatArray, top: int, bottom: int, column: int, texel_m: float) -> IntArray:
+def _levels(position_m: FloatArray, top: int, bottom: int, column: int, full_size_m: float) -> IntArray:
     """Return (bottom − top,) the reduction at which a texel is about as large as a pixel, row of cells by row."""
     nodes = position_m[top : bottom + 2, column : column + 3]
     down = nodes[2:, 1] - nodes[:-2, 1]
     across = nodes[1:-1, 2] - nodes[1:-1, 0]
-    footprint_m = np.hypot(down, across) / (2 * _CELL)
-    level = np.rint(np.log2(np.clip(footprint_m / texel_m, 1.0, 2.0**MAX_LEVEL)))
+    footprint_m = np.hypot(down, across) / (2 * CELL)
+    level = np.rint(np.log2(np.clip(footprint_m / full_size_m, 1.0, 2.0**MAX_LEVEL)))
     return level.astype(np.int64)
 
 
-def _column_origin(c_from_m: float, c_to_m: float, level: int) -> tuple[int, int]:
+def _column_origin(c_from_m: float, c_to_m: float, level: int, full_size_m: float) -> tuple[int, int]:
     """Return the canvas column, a whole number of tiles, to count from, and the level whose canvas is wide enough."""
     while True:
-        texel_m, tile = TEXEL_M * 2**level, TILE >> level
-        origin = int(np.floor((c_from_m / texel_m - 1) / tile)) * tile
-        if level == MAX_LEVEL or c_to_m / texel_m + 1 - origin < tile + CANVAS_COLUMNS:
+        reduced_m, tile = full_size_m * 2**level, TILE >> level
+        origin = int(np.floor((c_from_m / reduced_m - 1) / tile)) * tile
+        if level == MAX_LEVEL or c_to_m / reduced_m + 1 - origin < tile + CANVAS_COLUMNS:
             return origin, level
         level += 1
 
 
 def _paint(surface: GreyImage, C: FloatArray, S: FloatArray, W: FloatArray, picture: GreyImage) -> None:
     """Draw `surface` where its homogeneous coordinates fall inside it; elsewhere `picture` stays as it is."""
-    size = ((W.shape[1]) * _CELL, (W.shape[0]) * _CELL)
-    inside = (slice(_CELL, -_CELL), slice(_CELL, -_CELL))
-    c, s, w = (cv2.resize(n.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)[inside] for n in (C, S, W))
+    c, s, w = (of_pixels(nodes) for nodes in (C, S, W))
     cv2.remap(
         surface,
         cv2.divide(c, w),
@@ -282,23 +351,3 @@ def _paint(surface: GreyImage, C: FloatArray, S: FloatArray, W: FloatArray, pict
         dst=picture,
         borderMode=cv2.BORDER_TRANSPARENT,
     )
-
-
-def _line_kernel(motion_px: FloatArray) -> Float32Array | None:
-    """Return a box along `motion_px` (2,), centred, of sum 1; None where it is too short to matter."""
-    length_px = float(np.hypot(*motion_px))
-    if length_px < _LEAST_BLUR_PX:
-        return None
-    motion_px = motion_px * min(1.0, _MOST_BLUR_PX / length_px)
-    radius = int(np.ceil(np.abs(motion_px).max() / 2))
-    samples = 4 * radius + 1
-    along = (np.arange(samples) + 0.5) / samples - 0.5
-    kernel = np.zeros((2 * radius + 1, 2 * radius + 1), np.float32)
-    at = along[:, None] * motion_px + radius
-    whole = np.clip(np.floor(at), 0, max(2 * radius - 1, 0)).astype(int)
-    part = at - whole
-    for dv in (0, 1):
-        for du in (0, 1):
-            weight = np.abs(1 - du - part[:, 0]) * np.abs(1 - dv - part[:, 1]) / samples
-            np.add.at(kernel, (whole[:, 1] + dv, whole[:, 0] + du), weight)
-    return kernel

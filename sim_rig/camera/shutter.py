@@ -48,6 +48,10 @@ class Shutter:
         shortest_ns = round(_LATENCY_S[0] * 1e9)
         return max(0, -((self._start_ns + shortest_ns - t_ns) // GRID_NS))
 
+    def frame_at(self, t_ns: int) -> int:
+        """Return the frame whose true mid-exposure is nearest to `t_ns`."""
+        return round((t_ns - self._start_ns) / GRID_NS)
+
     def exposure_s(self, k: int) -> float:
         """Return the exposure time of frame `k`: 4 to 8 ms, as automatic exposure drifts."""
         return _MEAN_EXPOSURE_S + _EXPOSURE_SWING_S * float(np.sin(2 * np.pi * k * GRID_NS * 1e-9 / _EXPOSURE_PERIOD_S))

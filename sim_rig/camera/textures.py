@@ -1,6 +1,6 @@
-"""What the ground looks like: photographs from scikit-image and procedural surfaces, as tiles that repeat seamlessly.
+"""What surfaces look like: photographs from scikit-image and procedural surfaces, as tiles that repeat seamlessly.
 
-A tile is (TILE, TILE) uint8 at TEXEL_M a texel: rows along the walk, columns across it. Canvases are tiles laid side
+A tile is (TILE, TILE) uint8 at `texel_m` a texel: rows along the walk, columns across it. Canvases are tiles laid side
 by side and reduced by powers of two, independently in both directions, so that a surface seen at a flat angle is
 filtered along the walk only.
 """
@@ -20,6 +20,10 @@ MAX_LEVEL = 4
 CANVAS_COLUMNS = 2048
 """Columns, beyond one tile, of a canvas at any level."""
 
+_VARIED = "-varied"
+_MOSAIC_TILES = {"mosaic-6cm": (0.060, 32, 1.6), "mosaic-2.5cm": (0.025, 16, 1.3)}
+"""Period in metres and in texels, a power of two so that all tiles are sampled alike; the joint's width in texels."""
+
 _BINOMIAL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 
 
@@ -31,6 +35,23 @@ def canvas(texture: str, rows: int, phase: int, row_level: int, column_level: in
     surface by that many times 2^MAX_LEVEL texels.
     """
     return _canvas(texture, rows, phase % (TILE >> MAX_LEVEL), row_level, column_level)
+
+
+def face(texture: str, rows: int, columns: int, row_level: int, column_level: int) -> GreyImage:
+    """Return the corner of `canvas` that holds `rows` by `columns` full-size texels.
+
+    Raises ValueError for more than TILE of either, where the surface would repeat.
+    """
+    if max(rows, columns) > TILE:
+        raise ValueError(f"a face of {texture} is {rows} by {columns} texels, allowed are {TILE}: choose larger ones")
+    laid = canvas(texture, TILE, 0, row_level, column_level)
+    return laid[: -(-rows >> row_level) + 2, : -(-columns >> column_level) + 2]
+
+
+def texel_m(texture: str) -> float:
+    """Return the size of a full-size texel of `texture` on the ground."""
+    period_m, texels, _ = _MOSAIC_TILES.get(texture.removesuffix(_VARIED), (TEXEL_M, 1, 0.0))
+    return period_m / texels
 
 
 @lru_cache(maxsize=256)
@@ -115,6 +136,26 @@ def _kerbstone() -> FloatArray:
     return 112 + 8 * _noise(51, 0.9) + 10 * _noise(52, 0.25)
 
 
+def _mosaic(name: str, variation: float) -> FloatArray:
+    """Return square tiles, all alike but for `variation` in their grey and a print of half of that."""
+    _, texels, joint = _MOSAIC_TILES[name]
+    start = np.arange(TILE) % texels
+    in_joint = np.clip(joint - start, 0.0, 1.0)  # the share of each texel that the joint covers
+    covered = 1.0 - (1.0 - in_joint)[:, None] * (1.0 - in_joint)[None]
+    count = TILE // texels
+    tiles = np.random.default_rng(61).standard_normal((count, count)).repeat(texels, 0).repeat(texels, 1)
+    surface: FloatArray = (1.0 - covered) * (165.0 + variation * (tiles + 0.5 * _noise(62, 0.5))) + covered * 92.0
+    return surface
+
+
+def _print() -> FloatArray:
+    """Return a bold print: blocks of 16 texels and smaller ones of 4, from nearly black to nearly white."""
+    rng = np.random.default_rng(71)
+    blocks, grains = (rng.uniform(-1, 1, (TILE // size, TILE // size)) for size in (16, 4))
+    surface: FloatArray = np.kron(blocks, np.ones((16, 16))) * 65 + np.kron(grains, np.ones((4, 4))) * 35
+    return 128 + surface
+
+
 TEXTURES: dict[str, Callable[[], FloatArray]] = {
     "brick": lambda: _photograph("brick", 110.0),
     "grass": lambda: _photograph("grass", 118.0),
@@ -124,5 +165,16 @@ TEXTURES: dict[str, Callable[[], FloatArray]] = {
     "paving": _paving,
     "wood": _wood,
     "kerbstone": _kerbstone,
+    "mosaic-6cm": lambda: _mosaic("mosaic-6cm", 0.0),
+    "mosaic-2.5cm": lambda: _mosaic("mosaic-2.5cm", 0.0),
+    "mosaic-6cm-varied": lambda: _mosaic("mosaic-6cm", 4.0),
+    "mosaic-2.5cm-varied": lambda: _mosaic("mosaic-2.5cm", 4.0),
+    "resin": lambda: 150 + 14 * _noise(65, 1.6) + 6 * (1 + 0.8 * _noise(67, 1.6)) * _noise(66, 0.3),
+    "print": _print,
+    "jacket": lambda: 95 + 9 * _noise(72, 1.1) + 7 * _noise(73, 0.3),
+    "trousers": lambda: 80 + 5 * _noise(74, 1.2) + 6 * _noise(75, 0.2, (0.3, 1.5)),
+    "cane": lambda: np.where(_joints(TILE // 4, TILE // 16), 70.0, 208 + 3 * _noise(79, 0.3)),
+    "leather": lambda: 72 + 6 * _noise(76, 0.8) + 4 * _noise(77, 0.2),
+    "steel": lambda: 140 + 8 * _noise(78, 1.2, (1.8, 0.15)),
 }
 """Every surface by name, in grey levels of a well-exposed picture."""

@@ -28,6 +28,7 @@ from drivers.imu.self_test import factory_trim_lsb, ranges_under_test
 from messages.arrays import BoolArray, FloatArray
 from messages.constants import STANDARD_GRAVITY_MPS2
 from sim_rig.imu.chip_unit import ChipUnit
+from sim_rig.imu.drift import NO_DRIFT, Drifting
 from sim_rig.imu.mpu6050_signal import Motion, SignalChain, SignalSettings
 
 _WRITABLE_BITS: dict[int, int] = {  # the rest reads 0
@@ -76,21 +77,29 @@ class Mpu6050Chip:
     """One simulated chip, powered since its making and as a real one is after a reset: an MPU-6050 is asleep.
 
     `who_am_i` chooses which of `drivers.imu.chips` it is; any other value makes an MPU-6050 that answers so.
-    Changed while it runs, it changes the answer alone. `motion` is the truth, `unit` this chip's errors, `clock` the
-    host's monotonic nanoseconds: whatever is read reflects the samples complete at that instant. `distortion`, which
-    may also change, turns the counts (n, 7) of the signal chain into those shown. For one thread at a time.
+    Changed while it runs, it changes the answer alone. `motion` is the truth, `unit` this chip's errors, `drifting` how
+    they change, `clock` the host's monotonic nanoseconds: whatever is read reflects the samples complete at that
+    instant. `distortion`, which may also change, turns the counts (n, 7) of the signal chain into those shown. For one
+    thread at a time.
     """
 
     distortion: Callable[[NDArray[np.int16]], NDArray[np.int16]] | None = None
 
     def __init__(
-        self, motion: Motion, unit: ChipUnit, clock: Callable[[], int], seed: int, who_am_i: int = MPU6050_WHO_AM_I
+        self,
+        motion: Motion,
+        unit: ChipUnit,
+        clock: Callable[[], int],
+        seed: int,
+        who_am_i: int = MPU6050_WHO_AM_I,
+        drifting: Drifting | None = None,
     ) -> None:
         self.who_am_i = who_am_i
         self._model = CHIPS.get(who_am_i, CHIPS[MPU6050_WHO_AM_I])
         self._max_backlog = self._model.fifo_bytes // _SHORTEST_FRAME_BYTES  # older samples leave no trace
         self._motion = motion
         self._unit = unit
+        self._drifting = drifting or Drifting(NO_DRIFT, 0)
         self._clock = clock
         self._rng = np.random.default_rng(seed)
         self._edges: deque[int] = deque(maxlen=self._max_backlog)
@@ -231,7 +240,9 @@ class Mpu6050Chip:
             standby=_bits(self._registers[Register.PWR_MGMT_2], 5, 6),
         )
         clock_error = gain * self._unit.clock_error
-        self._chain = SignalChain(self._motion, self._unit, settings, self._clock(), clock_error, self._rng)
+        self._chain = SignalChain(
+            self._motion, self._unit, self._drifting, settings, self._clock(), clock_error, self._rng
+        )
         self._chain.change_clock(self._clock_factor, completed=0)
 
     def _pushes(self) -> tuple[FloatArray, FloatArray]:

@@ -12,6 +12,7 @@ from drivers.imu.registers import INTERNAL_RATE_HZ, RangeRow
 from messages.arrays import BoolArray, FloatArray, IntArray
 from messages.constants import STANDARD_GRAVITY_MPS2
 from sim_rig.imu.chip_unit import ChipUnit
+from sim_rig.imu.drift import Drifting
 
 Motion = Callable[[IntArray], tuple[FloatArray, FloatArray]]
 """`motion(t_ns)` gives the true sf_B (n, 3) in m/s² and w_WB_B (n, 3) in rad/s at the CLOCK_MONOTONIC times (n,).
@@ -87,6 +88,7 @@ class SignalChain:
         self,
         motion: Motion,
         unit: ChipUnit,
+        drifting: Drifting,
         settings: SignalSettings,
         epoch_ns: int,
         clock_error: float,
@@ -96,6 +98,7 @@ class SignalChain:
         rate_hz = gyro_row.rate_hz
         self._motion = motion
         self._unit = unit
+        self._drifting = drifting
         self._settings = settings
         self._epoch_ns = epoch_ns
         self._rng = rng
@@ -107,10 +110,6 @@ class SignalChain:
         self._gyro_noise = unit.w_noise_density * np.sqrt(rate_hz / 2.0)
         self._lsb_per_mps2 = settings.accel_range.lsb_per_unit / STANDARD_GRAVITY_MPS2
         self._lsb_per_radps = settings.gyro_range.lsb_per_unit * 180.0 / np.pi
-        model = settings.model
-        self._temperature = np.rint(
-            (unit.temperature_degC - model.temperature_at_zero_degC) * model.temperature_lsb_per_degC
-        )
         self._samples = 0
         self._ready = np.empty((0, 7), dtype=np.int16)
         self._held_sf: FloatArray | None = None
@@ -161,6 +160,9 @@ class SignalChain:
         measured_sf = sf_B @ unit.sf_matrix.T + unit.sf_bias_mps2 + self._settings.push_sf_mps2
         measured_w = w_B @ unit.w_matrix.T + unit.w_bias_radps + sf_B @ unit.g_sensitivity.T
         measured_w += self._settings.push_w_radps
+        rise_K = self._drifting.temperature_rise_K(t_ns)
+        measured_sf += rise_K[:, None] * unit.sf_bias_mps2_per_K
+        measured_w += rise_K[:, None] * unit.w_bias_radps_per_K + self._drifting.w_bias_radps(t_ns)
         measured_sf += self._accel_noise * self._rng.standard_normal(measured_sf.shape)
         measured_w += self._gyro_noise * self._rng.standard_normal(measured_w.shape)
         sf = self._hold(self._accel_filter(measured_sf), ticks)
@@ -169,10 +171,14 @@ class SignalChain:
         at_samples = slice(ticks_per_sample - 1, None, ticks_per_sample)
         counts = np.empty((n, 7))
         counts[:, 0:3] = sf[at_samples] * self._lsb_per_mps2
-        counts[:, 3] = self._temperature
+        counts[:, 3] = self._temperature_counts(unit.temperature_degC + rise_K[at_samples])
         counts[:, 4:7] = w[at_samples] * self._lsb_per_radps
         counts[:, _AXIS_COLUMNS[self._settings.standby]] = 0.0
         return np.clip(np.rint(counts), *_COUNT_LIMITS).astype(np.int16)
+
+    def _temperature_counts(self, temperature_degC: FloatArray) -> FloatArray:
+        model = self._settings.model
+        return np.rint((temperature_degC - model.temperature_at_zero_degC) * model.temperature_lsb_per_degC)
 
     def _hold(self, sf: FloatArray, ticks: IntArray) -> FloatArray:
         """Repeat the accelerometer's values (n, 3) between its own, slower instants."""

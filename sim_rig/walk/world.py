@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from messages.arrays import FloatArray
+from sim_rig.walk.relief import Relief
 
 _COPLANAR_RAD = 1e-6
 _MAX_PIECE_M = 4.0
@@ -58,14 +59,17 @@ class Segment:
 
 @dataclass(frozen=True)
 class World:
-    """One lap of ground, repeated without end in both directions."""
+    """One lap of ground, repeated without end in both directions. A `relief` is only for level ground."""
 
     lap: tuple[Segment, ...]
     length_m: float = field(init=False)
+    relief: Relief | None = None
 
     def __post_init__(self) -> None:
         if not math.isclose(self.lap[0].z0_m, self.lap[-1].z1_m, abs_tol=1e-9):
             raise ValueError(f"lap ends {self.lap[-1].z1_m - self.lap[0].z0_m:+.3f} m off the height it began with")
+        if self.relief is not None and any(s.z0_m != 0.0 or s.z1_m != 0.0 for s in self.lap):
+            raise ValueError("a relief lies on level ground at height 0 only")
         object.__setattr__(self, "length_m", self.lap[-1].x1_m - self.lap[0].x0_m)
 
     def between(self, x_from_m: float, x_to_m: float) -> Iterator[Segment]:
@@ -84,6 +88,12 @@ class World:
         """Return whether a riser or a crease lies within [x_from_m, x_to_m]."""
         slopes = [s.slope_rad for s in self.between(x_from_m, x_to_m)]
         return max(slopes) - min(slopes) > _COPLANAR_RAD
+
+    def between_risers(self, x_m: float) -> tuple[float, float]:
+        """Return from where to where around `x_m` there is no riser, at most `_MAX_PIECE_M` either way."""
+        risers = [s.x0_m for s in self.between(x_m - _MAX_PIECE_M, x_m + _MAX_PIECE_M) if s.is_riser]
+        behind, ahead = [x for x in risers if x <= x_m], [x for x in risers if x > x_m]
+        return max(behind, default=x_m - _MAX_PIECE_M), min(ahead, default=x_m + _MAX_PIECE_M)
 
     def heights(self, x_m: FloatArray) -> FloatArray:
         """Return z at each `x_m` (n,) of one lap or near it; at a riser the height on one of its sides."""
@@ -120,9 +130,12 @@ class WorldBuilder:
             self.step(rise_m, riser, "stairs").level(tread_m, tread, "stairs")
         return self.step(rise_m, riser, "stairs")
 
-    def build(self) -> World:
-        """Return the world whose lap is what was laid so far. Raises ValueError if the lap does not close."""
-        return World(tuple(self._segments))
+    def build(self, relief: Relief | None = None) -> World:
+        """Return the world whose lap is what was laid so far, with `relief` on it.
+
+        Raises ValueError if the lap does not close.
+        """
+        return World(tuple(self._segments), relief)
 
     def _plane(self, length_m: float, rise_m: float, kind: str, texture: str) -> WorldBuilder:
         pieces = math.ceil(length_m / _MAX_PIECE_M)

@@ -15,7 +15,8 @@ from perception.depth.rectify import Rectifier, Window, undistorted_rays
 from sim_rig.camera import textures
 from sim_rig.camera.renderer import Effects, Renderer
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, draw_unit
-from sim_rig.walk.gait import Gait, Leg, Stand, Walk
+from sim_rig.walk.gait import Gait
+from sim_rig.walk.legs import Leg, Stand, Turn, Walk
 from sim_rig.walk.scenario import scenario
 from sim_rig.walk.world import World, WorldBuilder
 
@@ -102,6 +103,16 @@ def test_the_disparity_of_a_ramp_is_that_of_its_plane(slope_deg: float) -> None:
     errors = disparity_errors_px(unit, world, Gait(world, STANDING, 0.95, 1, 0))
     assert np.abs(errors.mean(axis=0)).max() < 0.01
     assert errors.std(axis=0).max() < 0.03
+
+
+@pytest.mark.parametrize("turned_deg", [90.0, 180.0])
+def test_the_disparity_of_level_ground_is_that_of_its_plane_also_behind_and_beside(turned_deg: float) -> None:
+    unit, turn = draw_unit(1, rolling_shutter=False), Turn(np.deg2rad(turned_deg), 1.0)
+    back = Turn(np.deg2rad(360.0 - turned_deg), 1.0)
+    world = field("gravel")
+    errors = disparity_errors_px(unit, world, Gait(world, (turn, Stand(9.0), back), 0.95, 1, -3_000_000_000))
+    assert np.abs(errors.mean(axis=0)).max() < 0.008
+    assert errors.std(axis=0).max() < 0.02
 
 
 def grey_of_each_piece(world: World, monkeypatch: pytest.MonkeyPatch) -> World:

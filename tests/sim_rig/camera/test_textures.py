@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from messages.arrays import GreyImage
-from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXTURES, TILE, canvas
+from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TEXTURES, TILE, canvas, face, texel_m
 
 ROWS = 512
 
@@ -50,3 +50,20 @@ def boxed(image: GreyImage, rows: int, columns: int) -> np.ndarray[tuple[int, ..
 def test_the_phase_moves_the_surface() -> None:
     here, further = canvas("gravel", ROWS, 0, 0, 0), canvas("gravel", ROWS, 2, 0, 0)
     np.testing.assert_array_equal(here[2 << MAX_LEVEL :], further[: -(2 << MAX_LEVEL)])
+
+
+@pytest.mark.parametrize(("texture", "period_m"), [("mosaic-6cm", 0.06), ("mosaic-2.5cm", 0.025)])
+@pytest.mark.parametrize("level", [0, 2, MAX_LEVEL])
+def test_a_mosaic_repeats_exactly_and_its_print_does_not(texture: str, period_m: float, level: int) -> None:
+    period = round(period_m / texel_m(texture))
+    assert period * texel_m(texture) == pytest.approx(period_m)
+    texels = max(1, period >> level)
+    alike, varied = (canvas(name, ROWS, 0, level, level) for name in (texture, f"{texture}-varied"))
+    np.testing.assert_array_equal(alike[texels:], alike[:-texels])
+    np.testing.assert_array_equal(alike[:, texels:], alike[:, :-texels])
+    assert (varied[texels:] != varied[:-texels]).mean() > 0.3
+
+
+def test_a_face_larger_than_a_tile_is_refused() -> None:
+    with pytest.raises(ValueError, match="allowed are 1024"):
+        face("print", TILE + 1, 10, 0, 0)

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sim_rig.walk.gait import GRAVITY_W_MPS2, Gait, Motion, Stand, Walk
+from sim_rig.walk.gait import GRAVITY_W_MPS2, Gait, Motion
+from sim_rig.walk.legs import Stand, Walk
 from sim_rig.walk.scenario import SCENARIOS, Pace, Scenario, scenario
 from sim_rig.walk.world import WorldBuilder
 
@@ -11,7 +12,7 @@ STEP_NS = 100_000
 
 
 def gait_of(walked: Scenario, seed: int = 1) -> Gait:
-    return Gait(walked.world, walked.legs, walked.hip_height_m, seed, START_NS)
+    return walked.gait(seed, START_NS)
 
 
 def seconds(*t_s: float) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
@@ -113,7 +114,7 @@ def test_a_stop_comes_to_rest_where_it_was_planned() -> None:
 
 def test_a_leg_too_short_to_change_pace_is_refused() -> None:
     world = WorldBuilder().level(4.0, "concrete").build()
-    with pytest.raises(ValueError, match=r"walk to x = 0\.5 m is 0\.50 m too short"):
+    with pytest.raises(ValueError, match=r"walk to 0\.5 m is 0\.50 m too short"):
         Gait(world, (Walk(0.5, 1.0, 1.8), Stand(1.0)), 0.95, 1, START_NS)
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import UserError
-from sim_rig.walk.scenario import SCENARIOS, Pace, scenario
+from sim_rig.walk.scenario import SCENARIOS, Pace, scenario, scenario_names
 from sim_rig.walk.world import WorldBuilder
 
 MIXED = scenario("mixed").world
@@ -62,12 +62,13 @@ def test_the_world_repeats_and_its_descriptions_agree(x_m: float) -> None:
 
 
 def test_every_scenario_has_a_line_and_can_be_made() -> None:
-    assert {"mixed", "standing", "level", "ramps"} <= set(SCENARIOS)
+    assert scenario_names("all") == list(SCENARIOS)
+    assert scenario_names("level,bus-walking") == ["level", "bus-walking"]
     for name, line in SCENARIOS.items():
         assert scenario(name).name == name
         assert "\n" not in line
     with pytest.raises(UserError, match="scenario is 'moon', known are mixed"):
-        scenario("moon")
+        scenario_names("level,moon")
 
 
 @pytest.mark.parametrize(("speed_mps", "step_hz", "named"), [(3.0, 1.8, "speed is 3.0 m/s"), (1.2, 0.2, "cadence is")])
