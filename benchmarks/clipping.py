@@ -6,16 +6,14 @@ attitude, and its error in the 3 s from then on.
 """
 
 import argparse
-from collections.abc import Iterator
 
 import msgspec
 import numpy as np
 
 from daemon.pipeline import Pipeline
 from lab.faults.criteria import tilt_error_rad
-from messages import Attitude, Frame, GroundTruth, ImuSample, Status
+from messages import Attitude, ImuSample, Status
 from perception.ground.foothold import FootholdSettings
-from sim_rig.camera.shutter import Shutter
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
@@ -27,28 +25,10 @@ RANGE_RADPS = 0.2
 _JUDGED_S, _PATIENCE_S = 3.0, 8.0
 
 
-class NoEyes:
-    """A camera that takes no picture within the walk."""
-
-    def __init__(self, shutter: Shutter) -> None:
-        self._shutter = shutter
-
-    @property
-    def shutter(self) -> Shutter:
-        """Return when each frame is taken and due: all of them after the walk."""
-        return self._shutter
-
-    def frames(self, count: int, first: int = 0) -> Iterator[tuple[Frame, GroundTruth]]:  # noqa: ARG002 - a protocol's
-        """Yield nothing: there is no frame to render."""
-        return iter(())
-
-
 def samples_of(seed: int, seconds: float) -> tuple[SimulatedWearer, list[ImuSample]]:
     """Return one walk's wearer and the samples of its IMU."""
     wearer = SimulatedWearer(seed, scenario("level"), START_NS)
-    late = SimulatedWearer(seed, scenario("level"), START_NS + round(1e9 * (seconds + 10.0)))
-    messages = wearer.offline_inputs(seconds, NoEyes(late.shutter))
-    return wearer, [message for message in messages if isinstance(message, ImuSample)]
+    return wearer, list(wearer.offline_samples(seconds))
 
 
 def recovery(

@@ -19,9 +19,7 @@ import numpy as np
 from daemon.pipeline import Pipeline
 from lab.faults.criteria import errors_of, flags
 from messages import Frame, GroundPlane, GroundTruth, ImuSample, Input, Status, StereoFrame, vec3
-from messages.arrays import FloatArray, column_rms
 from perception.ground.foothold import FootholdSettings
-from perception.motion.ego_motion import EgoMotion, VisualOdometer
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
@@ -158,30 +156,11 @@ CONTRADICTIONS = (
 )
 
 
-def odometry_errors(told: Walk) -> tuple[FloatArray, FloatArray]:
-    """Return errors and truth (n, 6) of the rates (rad/s) and the velocity (m/s), in C."""
-    calibration, shutter = told.wearer.calibration, told.wearer.shutter
-    odometer = VisualOdometer(calibration.stereo)
-    R_BC = np.array(calibration.X_BL.R) @ odometer.R_LC
-    errors, truths = [], []
-    frames = (message for message in told.inputs if isinstance(message, StereoFrame))
-    motions = (odometer.add_frame(frame.header.t_exposure_ns, frame.left, frame.right) for frame in frames)
-    for motion in (motion for motion in motions if isinstance(motion, EgoMotion)):
-        from_ns, to_ns = shutter.true_of(motion.t_before_ns), shutter.true_of(motion.t_after_ns)
-        truth = told.wearer.gait.at(np.linspace(from_ns, to_ns, 21).astype(np.int64))
-        centre_m = truth.p_WB_m + truth.R_WB @ np.array(calibration.X_BL.p_m)
-        v_C = (truth.R_WB[0] @ R_BC).T @ (centre_m[-1] - centre_m[0]) / (1e-9 * (to_ns - from_ns))
-        w_C = R_BC.T @ np.trapezoid(truth.w_WB_B_radps, axis=0) / 20
-        truths.append(np.concatenate((w_C, v_C)))
-        errors.append(np.concatenate((motion.w_C_radps, motion.v_C_mps)) - truths[-1])
-    return np.array(errors), np.array(truths)
-
-
-def of_one_unit(task: tuple[int, str, float]) -> tuple[tuple[FloatArray, FloatArray], list[Judgement]]:
-    """Return the odometry's errors, and what becomes of no fault and of each contradiction."""
+def of_one_unit(task: tuple[int, str, float]) -> list[Judgement]:
+    """Return what becomes of no fault and of each contradiction."""
     cv2.setNumThreads(1)
     told = walk(*task)
-    return odometry_errors(told), [judged(told, fault) for fault in (Contradiction("none"), *CONTRADICTIONS)]
+    return [judged(told, fault) for fault in (Contradiction("none"), *CONTRADICTIONS)]
 
 
 def main() -> None:
@@ -193,16 +172,10 @@ def main() -> None:
     with Pool(2) as pool:
         units = pool.map(of_one_unit, [(seed, options.scenario, options.seconds) for seed in options.seeds], 1)
 
-    errors, truths = (np.concatenate(rows) for rows in zip(*(odometry for odometry, _ in units), strict=True))
-    print(f"visual odometry in C, {len(errors)} steps: RMS error (of RMS motion)")
-    for unit, part in (("rad/s", slice(0, 3)), ("m/s", slice(3, 6))):
-        pairs = zip(column_rms(errors[:, part]), column_rms(truths[:, part]), strict=True)
-        print(f"  {unit:6}" + "".join(f"  {error:.3f} ({motion:.3f})" for error, motion in pairs))
-
-    sound = [said[0] for _, said in units]
+    sound = [said[0] for said in units]
     frames = sum(each.frames for each in sound)
     print(
-        f"\nwithout a fault: {sum(each.flags for each in sound)} flags, {sum(each.wrong for each in sound)} wrong",
+        f"without a fault: {sum(each.flags for each in sound)} flags, {sum(each.wrong for each in sound)} wrong",
         end="",
     )
     print(f" of {frames} frames")
@@ -211,7 +184,7 @@ def main() -> None:
         f"\n{'fault for ' + str(HELD_S) + ' s of walking':36}flagged  after: median worst   over: median worst   wrong"
     )
     for k, fault in enumerate(CONTRADICTIONS, start=1):
-        said = [judgements[k] for _, judgements in units]
+        said = [judgements[k] for judgements in units]
         found = sum(np.isfinite(each.flagged_s) for each in said)
         columns = ([each.flagged_s for each in said], [each.over_s for each in said])
         numbers = [f"{np.nanmedian(x):.2f} {np.nanmax(x):.2f}" if np.isfinite(x).any() else "-" for x in columns]

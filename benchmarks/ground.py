@@ -17,10 +17,10 @@ import numpy as np
 from messages import StereoFrame
 from messages.arrays import FloatArray
 from perception.depth.rectify import Rectifier, Window
-from perception.ground.estimator import heading
 from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeter
 from perception.ground.plane import Plane
+from perception.heading import heading
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 

@@ -14,6 +14,7 @@ def check(
 ) -> None:
     """Check the devices that the configuration names, one after the other; exit code 1 if one is faulty."""
     from collections.abc import Callable, Iterator
+    from datetime import datetime, timezone
     from functools import partial
 
     from calib.files import load_calibration
@@ -22,6 +23,7 @@ def check(
     from daemon import checkup
     from daemon.checkup import Finding, Verdict
     from daemon.config import load_configuration
+    from daemon.state_file import state_path
 
     check_writable(json)
     configuration = load_configuration(config)
@@ -49,6 +51,7 @@ def check(
     findings: list[Finding] = []
     for subject in progress(list(looks), "checking"):
         findings += checkup.guarded(subject, looks[subject])
+    findings += checkup.check_learnt(state_path(config, configuration), calibration, datetime.now(timezone.utc))
     findings += checkup.check_host()
     table(
         f"{config}, device {configuration.device}, calibration {calibration.id} of unit {calibration.unit}",

@@ -30,11 +30,11 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], *, 
     console.print(sheet)
 
 
-def score_table(title: str, scores: dict[str, Score]) -> None:
-    """Print the accuracy on each kind of ground."""
+def score_table(title: str, scores: dict[str, Score], by: str = "ground") -> None:
+    """Print the accuracy on each kind of ground, or of whatever else the scores are told apart by."""
     table(
         title,
-        ["ground", "frames", "valid", "sagittal RMS", "frontal RMS", "height RMS", "within 95 %"],
+        [by, "frames", "valid", "sagittal RMS", "frontal RMS", "height RMS", "within 95 %"],
         [
             [
                 kind,

@@ -8,7 +8,9 @@ import typer
 
 def demo(
     seconds: Annotated[float, typer.Option(min=1.0, help="Length of the walk.")] = 60.0,
-    scenario: Annotated[str, typer.Option(help="What is walked on: mixed, level, ramps or standing.")] = "mixed",
+    scenario: Annotated[
+        str, typer.Option(help="What is walked on, and how: mixed, level, bus …; an unknown name lists them all.")
+    ] = "mixed",
     seed: Annotated[int, typer.Option(min=0, help="Number of the simulated unit and of its gait.")] = 1,
     speed: Annotated[float, typer.Option(help="Walking speed, m/s.")] = 1.2,
     cadence: Annotated[float, typer.Option(help="Steps per second.")] = 1.8,

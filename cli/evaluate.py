@@ -1,13 +1,23 @@
 """`gaiteyes evaluate`: accuracy against known truth, faster than real time."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from lab.evaluation.causes.ledger import Ledger
 
 evaluate = typer.Typer(help="Accuracy against known truth.", no_args_is_help=True)
 
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")]
+PlotFile = Annotated[Path | None, typer.Option("--plot", help="Draw the causes; the ending chooses the format.")]
+Recording = Annotated[
+    Path | None, typer.Argument(help="A recording with truth instead: of the rig, or a folder in the ASL layout.")
+]
+Seeds = Annotated[str, typer.Option(help="Simulated units: 1,2,5 or 1-8.")]
+Camera = Annotated[str, typer.Option(help="The wearer's camera: stereo or depth.")]
 
 
 @evaluate.command()
@@ -38,14 +48,16 @@ def motorcycle(json: JsonFile = None) -> None:
 def rig(
     seeds: Annotated[str, typer.Option(help="Simulated units, one walk each: 1,2,5 or 1-8.")] = "1-4",
     seconds: Annotated[float, typer.Option(min=5.0, help="Length of each walk.")] = 60.0,
-    scenario: Annotated[str, typer.Option(help="What is walked on; see `gaiteyes demo --help`.")] = "mixed",
+    scenario: Annotated[
+        str, typer.Option(help="What is walked on, as for `gaiteyes demo`; several such as level,ramps, or all.")
+    ] = "mixed",
     camera: Annotated[str, typer.Option(help="The wearer's camera: stereo or depth.")] = "stereo",
     perfect_calibration: Annotated[
         bool, typer.Option(help="Calibration without its usual errors; results say so.")
     ] = False,
     json: JsonFile = None,
 ) -> None:
-    """The simulated wearer offline: slope and height error on each kind of ground, for several units."""
+    """The simulated wearer offline: slope and height error of several units, on each kind of ground or by scenario."""
     from messages.extras import needs
 
     needs("gaiteyes evaluate rig", "skimage")
@@ -53,19 +65,162 @@ def rig(
     from cli.console import check_writable, progress, score_table, seed_list, write_json
     from lab.evaluation.offline import score_walk
     from lab.evaluation.score import Scoreboard
+    from sim_rig.walk.scenario import scenario_names
 
     check_writable(json)
-    boards = {}
-    for seed in progress(seed_list(seeds), "walking"):
-        boards[seed] = score_walk(seed, scenario, seconds, perfect_calibration=perfect_calibration, camera=camera)
-    together = Scoreboard()
-    for seed, board in boards.items():
-        together.take(board)
-        score_table(f"unit {seed}, {scenario}, {seconds:g} s", board.summary())
+    names, units = scenario_names(scenario), seed_list(seeds)
+    walks = [(name, seed) for name in names for seed in units]
+    boards: dict[str, dict[str, Scoreboard]] = {name: {} for name in names}
+    together = {name: Scoreboard() for name in names}
+    for name, seed in progress(walks, "walking"):
+        board = score_walk(seed, name, seconds, perfect_calibration=perfect_calibration, camera=camera)
+        boards[name][str(seed)] = board
+        together[name].take(board)
+        if len(names) == 1:
+            score_table(f"unit {seed}, {name}, {seconds:g} s", board.summary())
     label = "perfect calibration" if perfect_calibration else "calibration with its stated residual"
     if camera != "stereo":
         label = f"{camera} camera, {label}"
-    score_table(f"all units together, {label}", together.summary())
+    summaries = {name: board.summary() for name, board in together.items()}
+    if len(names) == 1:
+        score_table(f"all units together, {label}", summaries[names[0]])
+    else:
+        by_scenario = {name: found["all"] for name, found in summaries.items()}
+        score_table(f"all units together, {label}", by_scenario, by="scenario")
     if json is not None:
-        units = {str(seed): board.summary() for seed, board in boards.items()}
-        write_json(json, {"calibration": label, "units": units, "together": together.summary()})
+        scores = {
+            name: {"units": {unit: board.summary() for unit, board in boards[name].items()}, "together": found}
+            for name, found in summaries.items()
+        }
+        write_json(json, {"calibration": label, "scenarios": scores})
+
+
+@evaluate.command()
+def attitude(
+    folder: Annotated[Path, typer.Argument(help="Logs: NAME_imu.csv with NAME_truth.csv (also .gz), or BROAD's npz.")],
+    level_truth: Annotated[
+        bool, typer.Option("--level-truth", help="Fit the truth's vertical to its velocities and the accelerometer.")
+    ] = False,
+    json: JsonFile = None,
+) -> None:
+    """Logs of an IMU beside their truth: inclination error of the attitude filter, and of VQF, log by log."""
+    from cli.console import check_writable, progress, write_json
+    from cli.evaluate_tables import attitude_table
+    from lab.evaluation.imu_logs.log import read_logs
+    from lab.evaluation.imu_logs.score import judge, together
+
+    check_writable(json)
+    trials = [judge(log, level=level_truth) for log in progress(list(read_logs(folder)), "filtering")]
+    scores, pooled = [trial.score for trial in trials], together(trials)
+    attitude_table(folder.resolve().name, scores, pooled)
+    if json is not None:
+        write_json(json, {"trials": scores, "together": pooled})
+
+
+@evaluate.command()
+def static(
+    recording: Recording = None,
+    seeds: Seeds = "1-4",
+    slopes: Annotated[str, typer.Option(help="Ramps that each unit stands on, degrees.")] = "-8,0,8",
+    seconds: Annotated[float, typer.Option(min=2.0, help="Length of each stand.")] = 4.0,
+    camera: Camera = "stereo",
+    plot: PlotFile = None,
+    json: JsonFile = None,
+) -> None:
+    """The camera still before ramps: errors split into IMU bias, orientation, depth and camera-IMU extrinsic."""
+    from lab.evaluation.causes import rig as on_rig
+    from lab.evaluation.causes.ledger import Ledger
+
+    slopes_deg = _slopes(slopes)
+
+    def stand(seed: int, ledger: Ledger) -> None:
+        on_rig.static(seed, slopes_deg, seconds, camera, ledger)
+
+    title = f"Standing on {slopes}°, {seconds:g} s each, {camera} camera, units {seeds}"
+    _split_by_cause(title, recording, seeds, camera, on_rig.STATIC, stand, plot, json)
+
+
+@evaluate.command()
+def walking(
+    recording: Recording = None,
+    seeds: Seeds = "1-4",
+    seconds: Annotated[float, typer.Option(min=5.0, help="Length of each walk.")] = 15.0,
+    scenario: Annotated[str, typer.Option(help="What is walked on; see `gaiteyes demo --help`.")] = "mixed",
+    camera: Camera = "stereo",
+    plot: PlotFile = None,
+    json: JsonFile = None,
+) -> None:
+    """The camera on a walk: errors split as by `static`, and into blur and synchronisation."""
+    from lab.evaluation.causes import rig as on_rig
+    from lab.evaluation.causes.ledger import Ledger
+    from sim_rig.walk.scenario import scenario as known_scenario
+
+    known_scenario(scenario)
+
+    def walk(seed: int, ledger: Ledger) -> None:
+        on_rig.walking(seed, scenario, seconds, camera, ledger)
+
+    title = f"Walking, {scenario}, {seconds:g} s, {camera} camera, units {seeds}"
+    _split_by_cause(title, recording, seeds, camera, on_rig.WALKING, walk, plot, json)
+
+
+def _split_by_cause(
+    title: str,
+    recording: Path | None,
+    seeds: str,
+    camera: str,
+    causes: dict[str, str],
+    run: "Callable[[int, Ledger], None]",
+    plot: Path | None,
+    json: Path | None,
+) -> None:
+    """Run every unit, or replay the recording, and tell what each cause makes of the errors."""
+    import cv2
+
+    from cli.console import check_writable, progress, seed_list, write_json
+    from cli.evaluate_tables import cause_table, explanation
+    from lab.evaluation.causes.ledger import Ledger
+    from lab.evaluation.causes.plot import draw
+    from lab.evaluation.causes.recorded import split
+    from lab.evaluation.offline import known_camera
+    from messages.extras import needs
+
+    check_writable(json)
+    if plot is not None:
+        needs("--plot", "matplotlib")
+    cv2.setNumThreads(1)
+    facts: dict[str, object] = {}
+    if recording is None:
+        needs("gaiteyes evaluate", "skimage")
+        known_camera(camera)
+        ledger = Ledger(causes)
+        for seed in progress(seed_list(seeds), "measuring"):
+            run(seed, ledger)
+    else:
+        title = str(recording)
+        ledger, explained = split(recording)
+        facts["explained"] = explained
+    scores = ledger.scores()
+    cause_table(title, scores)
+    if recording is not None:
+        explanation(explained)
+    if plot is not None:
+        draw(plot, title, scores)
+    if json is not None:
+        write_json(json, {**facts, "causes": scores})
+
+
+def _slopes(text: str) -> list[float]:
+    """Return the slopes in degrees; raises UserError for anything else, or beyond ±15°."""
+    from messages.errors import UserError
+
+    try:
+        slopes_deg = [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise UserError(f"--slopes {text}: expected degrees such as -8,0,8") from error
+    if not all(-_STEEPEST_DEG <= slope <= _STEEPEST_DEG for slope in slopes_deg):
+        raise UserError(f"--slopes {text}: allowed are −{_STEEPEST_DEG:g} to {_STEEPEST_DEG:g} degrees")
+    return slopes_deg
+
+
+_STEEPEST_DEG = 15.0

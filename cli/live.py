@@ -14,14 +14,14 @@ from rich.text import Text
 from cli.console import console
 from daemon.sd_notify import ServiceManager
 from daemon.summary import Tally
-from messages import GroundPlane, Status
+from messages import GroundPlane, Motion, Status
 
 if TYPE_CHECKING:
     from lab.evaluation.truth_observer import TruthObserver  # a wearable has no rig
 
 
 class LiveStatus:
-    """Shows the newest ground estimate, beside the truth where there is one."""
+    """Shows the newest estimates of ground and motion, the ground beside the truth where there is one."""
 
     def __init__(
         self, tally: Tally, observer: TruthObserver | None = None, manager: ServiceManager | None = None
@@ -64,7 +64,7 @@ class LiveStatus:
             return "waiting for the first frame"
         if ground.status is not Status.VALID:
             return f"{ground.status.value}: {ground.reason.value}"
-        return _numbers(ground) + self._true()
+        return _numbers(ground) + _walked(self._tally.motion) + self._true()
 
     def _true(self) -> str:
         truth = self._observer.truth if self._observer is not None else None
@@ -72,6 +72,14 @@ class LiveStatus:
             return ""
         kind = ("standing on " if truth.standing else "") + truth.kind + (", at an edge" if truth.transition else "")
         return f"   truth {np.degrees(truth.slope_sagittal_rad):+5.1f}°  {truth.height_m:.3f} m  {kind}"
+
+
+def _walked(motion: Motion | None) -> str:
+    if motion is None or motion.status is not Status.VALID:
+        return ""
+    speed_mps = np.hypot(motion.velocity_H_mps[0], motion.velocity_H_mps[1])
+    rides = "  on a ground that moves" if motion.ground_moves else ""
+    return f"  {speed_mps:.1f} m/s  {motion.distance_m:.1f} m walked{rides}"
 
 
 def _numbers(ground: GroundPlane) -> str:

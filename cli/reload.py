@@ -20,7 +20,7 @@ from messages import Reconfigured, UnitCalibration, UserError
 
 log = logging.getLogger("gaiteyes")
 
-AT_THE_NEXT_START = ("device", "imu", "realtime")
+AT_THE_NEXT_START = ("device", "imu", "learnt", "realtime")
 
 
 class Reloader:

@@ -30,7 +30,7 @@ def replay(
     cv2.setNumThreads(1)
     opened = open_source(source, None if config is None else load_configuration(config))
     foothold = opened.configuration.foothold
-    replayed = replaying.replay(opened.inputs(), Pipeline(opened.calibration, foothold), out)
+    replayed = replaying.replay(opened.inputs(), Pipeline(opened.calibration, foothold, opened.learnt), out)
     damage = opened.damage()
 
     valid = sum(ground.status is Status.VALID for ground in replayed.grounds)

@@ -30,6 +30,7 @@ def run(
     from daemon.realtime import lock_memory
     from daemon.replaceable_camera import ReplaceableCamera
     from daemon.sd_notify import ServiceManager
+    from daemon.state_file import StateKeeper, state_path
     from daemon.summary import Tally
     from drivers.protocols import DeviceError
     from messages import ServiceError, Source
@@ -49,7 +50,11 @@ def run(
         if manager.is_there:  # no mistake to mend by hand: the manager tries again
             raise ServiceError(str(error)) from error
         raise
-    recorder = open_recorder(record, configuration, calibration, Source.LIVE, last) if record is not None else None
+    keeper = StateKeeper(state_path(config, configuration), calibration)
+    learnt = keeper.load()
+    recorder = None
+    if record is not None:
+        recorder = open_recorder(record, configuration, calibration, Source.LIVE, last, learnt)
     tally = Tally()
     service = build_service(
         configuration,
@@ -61,6 +66,8 @@ def run(
         recorder,
         [tally],
         priorities=configuration.realtime.priorities,
+        learnt=learnt,
+        state_keeper=keeper,
     )
     if configuration.realtime.lock_memory:
         lock_memory()

@@ -17,15 +17,21 @@ from daemon.publish_zenoh import ZenohPublisher
 from daemon.recorder import Recorder, RecordingInfo
 from daemon.service import Background, Devices, Service
 from daemon.stamping import Stamper
+from daemon.state_file import StateKeeper
 from daemon.summary import RunSummary
 from drivers.boot_id import read_boot_id
 from drivers.can.link import CanLink
 from drivers.protocols import FrameSource, ImuSource
-from messages import Source, UnitCalibration, UserError
+from messages import Learnt, Source, UnitCalibration, UserError
 
 
 def open_recorder(
-    path: Path, configuration: Configuration, calibration: UnitCalibration, source: Source, last_s: float | None
+    path: Path,
+    configuration: Configuration,
+    calibration: UnitCalibration,
+    source: Source,
+    last_s: float | None,
+    learnt: Learnt | None = None,
 ) -> Recorder:
     """Return a recorder that writes to `path`, or keeps the newest `last_s` seconds for it."""
     info = RecordingInfo(
@@ -33,6 +39,7 @@ def open_recorder(
         source=source,
         calibration_text=format_calibration(calibration),
         configuration_text=format_configuration(configuration),
+        learnt=learnt,
     )
     return Recorder(path, info, last_s=last_s)
 
@@ -73,10 +80,12 @@ def build_service(
     background: Mapping[str, Background] | None = None,
     *,
     priorities: bool = False,
+    learnt: Learnt | None = None,
+    state_keeper: StateKeeper | None = None,
 ) -> Service:
-    """Return the service on these devices and outlets."""
+    """Return the service on these devices and outlets, which begins with what the unit has `learnt`."""
     return Service(
-        Pipeline(calibration, configuration.foothold),
+        Pipeline(calibration, configuration.foothold, learnt),
         Devices(imu=imu, camera=camera, ankle=outlets.link),
         [outlets.zenoh, outlets.can],
         Stamper(configuration.device, read_boot_id(), source),
@@ -84,6 +93,7 @@ def build_service(
         recorder=recorder,
         observers=observers,
         priorities=priorities,
+        state_keeper=state_keeper,
     )
 
 

@@ -8,15 +8,18 @@ import resource
 import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
+from datetime import datetime
+from pathlib import Path
 
 import msgspec
 import numpy as np
 
+from daemon.state_file import read_state
 from drivers.can.link import CanLink
 from drivers.can.settings import CanSettings
 from drivers.imu.self_test import SelfTest
 from drivers.protocols import DeviceError, FrameSource, ImuSource
-from messages import TOPICS, Frame, ImuSample, StereoFrame
+from messages import TOPICS, Frame, ImuSample, StereoFrame, UnitCalibration, UserError
 from messages.constants import STANDARD_GRAVITY_MPS2
 
 IMU_RATE_HZ = TOPICS["imu"].rate_hz
@@ -150,6 +153,30 @@ def check_can(settings: CanSettings, seconds: float) -> Iterator[Finding]:
         f"{settings.name} is open, {health.state.value}, {health.bus_errors} error frames; {ankle}",
         fault=health.outages > 0,
         notice=not heard or health.bus_errors > 0,
+    )
+
+
+def check_learnt(path: Path, calibration: UnitCalibration, now: datetime) -> Iterator[Finding]:
+    """Say what the unit would begin with of what it has learnt before, how old that is, or why it is nothing."""
+    subject = "learnt"
+    try:
+        state = read_state(path, calibration)
+    except UserError as error:
+        yield Finding(subject=subject, verdict=Verdict.NOTICE, seen=f"{error}; the unit will learn anew")
+        return
+    if state is None:
+        yield Finding(subject=subject, verdict=Verdict.FINE, seen=f"{path}: nothing yet, the unit has not been used")
+        return
+    learnt = state.learnt
+    degC = [each.temperature_degC for each in learnt.biases]
+    biases = f"biases at {len(degC)} temperatures from {degC[0]:.0f} to {degC[-1]:.0f} °C" if degC else "no bias"
+    scale = learnt.depth_scale
+    depth = "no depth scale" if scale is None else f"depth scale {100 * scale.scale:+.2f} ± {100 * scale.std:.2f} %"
+    days = (now - state.written).total_seconds() / 86_400.0
+    yield Finding(
+        subject=subject,
+        verdict=Verdict.FINE,
+        seen=f"{learnt.id}: {biases}, {depth}, in {learnt.used_s / 3600.0:.1f} h of use, written {days:.1f} days ago",
     )
 
 

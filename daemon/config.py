@@ -67,10 +67,14 @@ class RealtimeSettings(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Configuration(msgspec.Struct, frozen=True, kw_only=True):
-    """All settings. `device` is the name under which the unit publishes; `calibration` the path of its file."""
+    """All settings. `device` is the name under which the unit publishes; `calibration` the path of its file.
+
+    `learnt` is the path of the file that keeps what the unit learns of its sensors (`daemon.state_file`).
+    """
 
     device: Annotated[str, msgspec.Meta(pattern="^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")] = "gaiteyes"
     calibration: str = "calibration.yaml"
+    learnt: Annotated[str, msgspec.Meta(min_length=1)] = "learnt.json"
     imu: ImuSettings = ImuSettings()
     camera: CameraSettings = CameraSettings()
     foothold: FootholdSettings = FootholdSettings()

@@ -27,8 +27,9 @@ PERIOD_NS = TOPICS["health"].period_ns
 class HealthMonitor:
     """Counters since the start of the pipeline."""
 
-    def __init__(self, calibration_id: str) -> None:
+    def __init__(self, calibration_id: str, learnt_id: str) -> None:
         self._calibration_id = calibration_id
+        self._learnt_id = learnt_id
         self._imu_samples = self._imu_clipped = self._imu_lost = self._imu_refused = 0
         self._frames = self._frames_valid = self._ankle_states = 0
         self._dropped_since_driver: Counter[DropCause] = Counter()
@@ -95,4 +96,5 @@ class HealthMonitor:
             zenoh_errors=devices.zenoh_errors,
             load=load,
             calibration_id=self._calibration_id,
+            learnt_id=self._learnt_id,
         )

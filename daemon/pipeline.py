@@ -11,20 +11,25 @@ from messages import (
     TOPICS,
     Estimate,
     Frame,
+    FrameHeader,
     GroundPlane,
     ImuSample,
     Input,
+    Learnt,
     Load,
     LoadLevel,
+    Motion,
     Reason,
     Reconfigured,
     Tick,
     UnitCalibration,
 )
+from perception.attitude.history import AttitudeAt
 from perception.attitude.track import AttitudeTrack
 from perception.frame_guard import FrameGuard
 from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
+from perception.motion.odometry import Odometry
 from perception.motion.watch import MotionWatch
 
 LONGEST_WAIT_NS = 20_000_000
@@ -48,17 +53,20 @@ NO_FRAME_SEQ = -1
 
 
 class Pipeline:
-    """Attitude from each IMU sample, ground from each frame, health once a second."""
+    """Attitude from each IMU sample, ground and the wearer's motion from each frame, health once a second."""
 
-    def __init__(self, calibration: UnitCalibration, foothold: FootholdSettings) -> None:
+    def __init__(self, calibration: UnitCalibration, foothold: FootholdSettings, learnt: Learnt | None = None) -> None:
+        """Begin with what the unit has `learnt` in runs before; raises UserError where that is another unit's."""
         self._calibration_id = calibration.id
         self._foothold = foothold
-        self._attitude = AttitudeTrack(calibration)
+        self._attitude = AttitudeTrack(calibration, learnt)
         self._ground = GroundEstimator(calibration, foothold)
-        self._health = HealthMonitor(calibration.id)
+        self._health = HealthMonitor(calibration.id, "" if learnt is None else learnt.id)
         self._load = Load.NORMAL
+        self._passes_over = False  # the motion of a frame: of every second one under load
         self._frame_guard = FrameGuard()
         self._motion = MotionWatch(calibration)
+        self._odometry = Odometry(calibration, self._ground.R_BC)
         self._waiting: Frame | None = None
         self._imu_arrival_ns: int | None = None
         self._newest_sample_ns: int | None = None
@@ -66,6 +74,11 @@ class Pipeline:
         self._frame_arrival_ns = 0
         self._report_silence_at_ns: int | None = None
         self._camera_due_ns: int | None = None
+
+    @property
+    def learnt(self) -> Learnt:
+        """Return what the unit has learnt of its sensors by now; it is another object whenever that has changed."""
+        return self._attitude.learnt
 
     def step(self, message: Input) -> Iterator[Estimate]:
         """Take one input, in the order of arrival, and yield the estimates that it completes, each when it is ready.
@@ -99,7 +112,7 @@ class Pipeline:
         self._imu_silent = False
         self._motion.add_sample(sample)
         attitude = self._attitude.add_sample(sample)
-        inconsistent = self._motion.reason is Reason.IMU_INCONSISTENT
+        inconsistent = self._contradiction is Reason.IMU_INCONSISTENT
         yield self._attitude.invalid_at(sample.t_sample_ns, Reason.IMU_INCONSISTENT) if inconsistent else attitude
         if self._waiting is not None and self._imu_reaches(self._waiting):
             yield from self._estimate_ground(self._waiting)
@@ -111,7 +124,7 @@ class Pipeline:
         self._report_silence_at_ns = self._camera_due_ns = self._frame_arrival_ns + SILENCE_NS
         refusal = self._frame_guard.check(frame.header, frame.images)
         if refusal is not Reason.NONE:
-            yield self._no_ground(frame.header.t_exposure_ns, frame.header.seq, refusal)
+            yield from self._nothing(frame.header.t_exposure_ns, frame.header.seq, refusal)
             return
         self._waiting = frame
         if self._imu_reaches(frame):
@@ -124,7 +137,7 @@ class Pipeline:
         yield from self._report_imu_silence(t_ns)
         yield from self._health.due(t_ns, self._load)
 
-    def _report_camera_silence(self, t_ns: int) -> Iterator[GroundPlane]:
+    def _report_camera_silence(self, t_ns: int) -> Iterator[Estimate]:
         if self._report_silence_at_ns is None or self._camera_due_ns is None:
             self._report_silence_at_ns, self._camera_due_ns = t_ns + SILENCE_NS, t_ns + START_NS
         if t_ns >= self._report_silence_at_ns:
@@ -132,46 +145,72 @@ class Pipeline:
             if t_ns - self._frame_arrival_ns > OTHER_CAMERA_NS:
                 self._frame_guard.reset_timing()
             reason = Reason.STARTING if t_ns < self._camera_due_ns else Reason.NO_FRAME
-            yield self._no_ground(t_ns, NO_FRAME_SEQ, reason)
+            yield from self._nothing(t_ns, NO_FRAME_SEQ, reason)
 
     def _report_imu_silence(self, t_ns: int) -> Iterator[Estimate]:
         if self._imu_silent or self._imu_arrival_ns is None or t_ns - self._imu_arrival_ns <= IMU_SILENCE_NS:
             return
         self._imu_silent = True
         yield self._attitude.invalid_at(t_ns)
-        yield self._no_ground(t_ns, NO_FRAME_SEQ, Reason.NO_IMU)
+        yield from self._nothing(t_ns, NO_FRAME_SEQ, Reason.NO_IMU)
 
     def _imu_reaches(self, frame: Frame) -> bool:
         return self._newest_sample_ns is not None and self._newest_sample_ns > frame.header.t_exposure_ns
 
-    def _estimate_ground(self, frame: Frame) -> Iterator[GroundPlane]:
+    def _estimate_ground(self, frame: Frame) -> Iterator[Estimate]:
         self._waiting = None
-        contradiction, discard = self._motion.add_frame(frame)
-        if discard:
-            self._attitude.roll_back()
-        yield self._ground_of(frame, contradiction)
-        contradiction, discard = self._motion.finish_frame()
-        if discard:
-            self._attitude.roll_back(gyro_agrees=self._motion.gyro_agrees)
-        if contradiction is Reason.NONE:
+        self._passes_over = self._load is Load.REDUCED and not self._passes_over
+        step = None if self._passes_over else self._motion.add_frame(frame, self._attitude.foretold)
+        if step is not None:
+            self._attitude.add_camera_step(step)
+        placed = self._placed(frame.header)
+        yield self._ground_of(frame, placed)
+        yield self._motion_of(frame.header, placed)
+        if not self._passes_over:
+            self._motion.finish_frame()
+        if self._contradiction is Reason.NONE:
             self._attitude.checkpoint()
 
-    def _ground_of(self, frame: Frame, contradiction: Reason) -> GroundPlane:
-        t_ns, seq = frame.header.t_exposure_ns, frame.header.seq
+    @property
+    def _contradiction(self) -> Reason:
+        """Return why camera and IMU may not be used together, or NONE."""
+        return self._attitude.contradiction if self._motion.reason is Reason.NONE else self._motion.reason
+
+    def _placed(self, header: FrameHeader) -> AttitudeAt | Reason:
+        """Return the attitude of a frame, or why there is none that may be used."""
+        contradiction = self._contradiction
         if contradiction is not Reason.NONE:
-            return self._no_ground(t_ns, seq, contradiction)
-        attitude = None if self._imu_silent else self._attitude.at(t_ns)
+            return contradiction
+        attitude = None if self._imu_silent else self._attitude.at(header.t_exposure_ns)
         if attitude is None:
             reason = self._attitude.reason
-            return self._no_ground(t_ns, seq, Reason.NO_IMU if reason is Reason.NONE else reason)
+            return Reason.NO_IMU if reason is Reason.NONE else reason
+        return attitude
+
+    def _ground_of(self, frame: Frame, placed: AttitudeAt | Reason) -> GroundPlane:
+        if isinstance(placed, Reason):
+            return self._no_ground(frame.header.t_exposure_ns, frame.header.seq, placed)
         return self._ground.estimate(
             frame,
-            attitude.R_WB,
-            attitude.w_WB_B,
-            attitude.rotation_cov_W,
-            height_rate_mps=attitude.vertical_swing_mps,
+            placed.R_WB,
+            placed.w_WB_B,
+            placed.rotation_cov_W,
+            height_rate_mps=placed.vertical_swing_mps,
+            distance_scale=self._attitude.distance_scale,
             reduced=self._load is Load.REDUCED,
         )
+
+    def _motion_of(self, header: FrameHeader, placed: AttitudeAt | Reason) -> Motion:
+        if isinstance(placed, Reason):
+            return self._odometry.no_motion(header.t_exposure_ns, header.seq, placed)
+        movement = self._attitude.movement_at(placed)
+        if movement is None:
+            return self._odometry.no_motion(header.t_exposure_ns, header.seq, Reason.LOW_TEXTURE)
+        return self._odometry.motion(header.t_exposure_ns, header.seq, movement)
+
+    def _nothing(self, t_ns: int, seq: int, reason: Reason) -> Iterator[Estimate]:
+        yield self._no_ground(t_ns, seq, reason)
+        yield self._odometry.no_motion(t_ns, seq, reason)
 
     def _no_ground(self, t_ns: int, seq: int, reason: Reason) -> GroundPlane:
         return GroundPlane.invalid(

@@ -17,7 +17,16 @@ from foxglove import Channel, Context, Schema, open_mcap
 from foxglove.mcap import MCAPWriteOptions
 from foxglove.messages import RawImage, Timestamp
 
-from drivers.recording.recording import ABOUT, CALIBRATION_FILE, CONFIGURATION_FILE, ENCODINGS, FORMAT, IMAGE_CHANNELS
+from daemon.state_file import format_learnt
+from drivers.recording.recording import (
+    ABOUT,
+    CALIBRATION_FILE,
+    CONFIGURATION_FILE,
+    ENCODINGS,
+    FORMAT,
+    IMAGE_CHANNELS,
+    LEARNT_FILE,
+)
 from messages import (
     TOPIC_OF,
     TOPICS,
@@ -27,6 +36,7 @@ from messages import (
     GroundTruth,
     Image,
     Input,
+    Learnt,
     Source,
     UserError,
 )
@@ -47,12 +57,16 @@ class RecordingError(UserError):
 
 @dataclass(frozen=True)
 class RecordingInfo:
-    """What a recording says about itself: the daemon's name, its data's source and the texts of its two files."""
+    """What a recording says about itself: the daemon's name, its data's source and the texts of its files.
+
+    `learnt` is what the unit had learnt when the service began; None if that was nothing.
+    """
 
     device: str
     source: Source
     calibration_text: str
     configuration_text: str
+    learnt: Learnt | None = None
 
 
 class Entry(NamedTuple):
@@ -97,8 +111,13 @@ class RecordingFile:
                 calculate_data_section_crc=False,  # each chunk has its own
             ),
         )
-        self._writer.write_metadata(ABOUT, {"format": FORMAT, "device": info.device, "source": info.source.value})
-        for name, text in ((CALIBRATION_FILE, info.calibration_text), (CONFIGURATION_FILE, info.configuration_text)):
+        about = {"format": FORMAT, "device": info.device, "source": info.source.value}
+        texts = {CALIBRATION_FILE: info.calibration_text, CONFIGURATION_FILE: info.configuration_text}
+        if info.learnt is not None:
+            about["learnt"] = info.learnt.id
+            texts[LEARNT_FILE] = format_learnt(info.learnt)
+        self._writer.write_metadata(ABOUT, about)
+        for name, text in texts.items():
             self._writer.attach(log_time=0, create_time=0, name=name, media_type="text/plain", data=text.encode())
         self._channels = {
             topic.name: Channel(

@@ -8,9 +8,10 @@ import msgspec
 from calib.asl_yaml import load_asl_calibration
 from calib.files import check_frame_size, parse_calibration
 from daemon.config import Configuration, parse_configuration
+from daemon.state_file import parse_learnt
 from drivers.recording.asl_folder import AslFolder, TruthTrack
 from drivers.recording.recording import McapRecording
-from messages import GroundTruth, Input, UnitCalibration
+from messages import GroundTruth, Input, Learnt, UnitCalibration
 from perception.ground.foothold import FootholdSettings
 
 FLOOR_OF_A_FOLDER = FootholdSettings(ahead_m=1.5, half_length_m=0.75, half_width_m=0.75)
@@ -24,6 +25,7 @@ class ReplaySource(msgspec.Struct, frozen=True, kw_only=True):
     calibration: UnitCalibration
     configuration: Configuration
     inputs: Callable[[], Iterator[Input]]
+    learnt: Learnt | None = None
     rig_truth: Callable[[], dict[int, GroundTruth]] = dict
     poses: TruthTrack | None = None
     damage: Callable[[], str | None] = lambda: None
@@ -36,11 +38,13 @@ def open_source(path: Path, configuration: Configuration | None) -> ReplaySource
 
 def _recording(path: Path, configuration: Configuration | None) -> ReplaySource:
     recording = McapRecording(path)
+    learnt = recording.learnt_text
     return ReplaySource(
         title=f"{path}, {recording.source.value}, device {recording.device}",
         calibration=parse_calibration(recording.calibration_text, f"{path}: calibration"),
         configuration=configuration or parse_configuration(recording.configuration_text, f"{path}: configuration"),
         inputs=recording.inputs,
+        learnt=None if learnt is None else parse_learnt(learnt, f"{path}: learnt"),
         rig_truth=recording.truth,
         damage=lambda: recording.damage,
     )

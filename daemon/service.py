@@ -1,9 +1,11 @@
-"""The running daemon: device threads, the pipeline's thread and the recorder's, supervised; the only threads there are.
+"""The running daemon: threads of devices, of the pipeline and of what writes files, supervised; there are no others.
 
     IMU thread ──────┐                                            ┌─ Zenoh
     camera thread ───┤            pipeline thread                 ├─ CAN (its own thread)
     ankle thread ────┼─ Inbox ─── Pipeline.step ──── estimates ───┼─ Recorder (its own thread)
     timer thread ────┘                                            └─ observers
+
+                            state thread: what the pipeline has learnt, once a minute and at the end ─ StateKeeper
 
 The timer also tells the device counters once a second and decides the load level.
 """
@@ -22,6 +24,7 @@ from daemon.pipeline import Pipeline
 from daemon.realtime import paced_interpreter, request_priorities, reset_priority, set_priority
 from daemon.recorder import Recorder
 from daemon.stamping import Stamper
+from daemon.state_file import StateKeeper
 from daemon.watch import Outage
 from daemon.watchdog import Progress
 from drivers.protocols import AnkleSource, DeviceError, FrameSource, ImuSource
@@ -45,6 +48,8 @@ REOPEN_PAUSE_S = 0.2
 _THREAD = "gaiteyes-"
 LATE_NS = 100_000_000
 """A frame that waited longer for its turn, because the process stood still, is not computed any more."""
+STATE_EVERY_S = 60.0
+"""What the unit has learnt is kept so often, and at the end."""
 LONGEST_JOIN_S = 2.0
 """How long a thread may take to end before the service gives it up: a device call may hang for ever."""
 
@@ -76,12 +81,14 @@ class Service:
         recorder: Recorder | None = None,
         observers: Sequence[Observer] = (),
         priorities: bool = False,
+        state_keeper: StateKeeper | None = None,
     ) -> None:
         self._pipeline = pipeline
         self._devices = devices
         self._outgoing = Outgoing(publishers, stamper, recorder, observers)
         self._background = dict(background or {})
         self._recorder = recorder
+        self._state_keeper = state_keeper
         self._inbox = Inbox()
         self._stopping = threading.Event()
         self._producers_ended = threading.Event()
@@ -90,7 +97,7 @@ class Service:
         self._priorities = priorities
         ankle = ("ankle",) if devices.ankle is not None else ()
         self.progress = Progress(("imu", "camera", "timer", "pipeline", *ankle, *self._background))
-        """The rounds of the loops that must never hang; the recorder's may, a slow disk blinds nobody."""
+        """The rounds of the loops that must never hang; those that write files may, a slow disk blinds nobody."""
         self.latency = LatencyLog()
         self.beats_skipped = {"timer": 0}
         """Periods that came too late, of the loops that keep an absolute pace; each loop has its own count."""
@@ -129,6 +136,8 @@ class Service:
         consumers = [self._thread("pipeline", self._run_pipeline)]
         if self._recorder is not None:
             consumers.append(self._thread("recorder", self._write_recording, self._recorder))
+        if self._state_keeper is not None:
+            consumers.append(self._thread("state", self._keep_state, self._state_keeper))
         consumers += [self._thread(name, self._run_background, name, work) for name, work in self._background.items()]
         end_s = time.monotonic() + seconds if seconds is not None else float("inf")
         with paced_interpreter():
@@ -156,6 +165,8 @@ class Service:
         hanging |= _join(consumers)
         if self._recorder is not None and "recorder" not in hanging:
             self._recorder.close()
+        if self._state_keeper is not None and not hanging & {"state", "pipeline"}:
+            self._state_keeper.keep(self._pipeline.learnt)
         if not hanging & {"pipeline", "ankle", *self._background}:
             self._outgoing.close()
         for name, device in (("imu", self._devices.imu), ("camera", self._devices.camera)):
@@ -286,6 +297,10 @@ class Service:
     def _write_recording(self, recorder: Recorder) -> None:
         while not (self._producers_ended.is_set() and recorder.idle):
             recorder.drain(timeout_s=0.1)
+
+    def _keep_state(self, keeper: StateKeeper) -> None:
+        while not self._producers_ended.wait(STATE_EVERY_S):
+            keeper.keep(self._pipeline.learnt)
 
 
 def _join(threads: Sequence[threading.Thread]) -> set[str]:

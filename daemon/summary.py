@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from daemon.latency import LatencyLog, Spread
-from messages import Attitude, Estimate, FrameHeader, GroundPlane, Health, Status
+from messages import Attitude, Estimate, FrameHeader, GroundPlane, Health, Motion, Status
 
 _PAGE_BYTES = resource.getpagesize()
 SETTLED_S = 5.0
@@ -42,6 +42,7 @@ class Tally:
         self._samples = 0
         self._first_sample_ns = self._last_sample_ns = 0
         self.ground: GroundPlane | None = None
+        self.motion: Motion | None = None
         self.health: Health | None = None
 
     def __call__(self, estimate: Estimate, _header: FrameHeader | None) -> None:
@@ -57,6 +58,8 @@ class Tally:
             self._samples += 1
             self._first_sample_ns = self._first_sample_ns or estimate.t_sample_ns
             self._last_sample_ns = estimate.t_sample_ns
+        elif isinstance(estimate, Motion):
+            self.motion = estimate
         else:
             self.health = estimate
             if self._settled_mb != self._settled_mb and time.monotonic() - self._start_s > SETTLED_S:

@@ -28,7 +28,9 @@ IN_WORDS = {
     Reason.TIME_INCONSISTENT: "the frames' stamps contradict their arrival or the IMU",
     Reason.LATE: "the planes come too late; the processor is overloaded, or the process stood still",
     Reason.IMU_INCONSISTENT: "the IMU measures another motion than the camera sees; check how both are mounted",
-    Reason.EYES_MISALIGNED: "one eye sees everything higher than the calibration says; calibrate the pair again",
+    Reason.EYES_MISALIGNED: "one eye sees all higher or larger than the calibration says; calibrate the pair again",
+    Reason.CAMERA_SLIPPED: "the camera has turned on its mount; fasten it and calibrate it to the IMU again",
+    Reason.DISTANCES_WRONG: "what is seen moves more or less than the IMU measures; calibrate the pair again",
 }
 
 

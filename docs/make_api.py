@@ -25,7 +25,7 @@ SECTIONS = {
         "quantity_text", "write_report",
     ],
     "Messages out of the pipeline": [
-        "Estimate", "GroundPlane", "Attitude", "Health", "Status", "Reason", "Stamp", "Source", "Covariance3",
+        "Estimate", "GroundPlane", "Attitude", "Motion", "Health", "Status", "Reason", "Stamp", "Source", "Covariance3",
         "Quaternion",
     ],
     "Messages into the pipeline": [
@@ -35,7 +35,7 @@ SECTIONS = {
     ],
     "Calibration": [
         "UnitCalibration", "Calibration", "DepthUnitCalibration", "StereoCalibration", "DepthCalibration", "Lens",
-        "ImuCalibration", "Pose", "Residual", "Matrix3",
+        "ImuCalibration", "Pose", "Residual", "Matrix3", "Learnt", "BiasAtTemperature", "DepthScale",
     ],
     "Errors": ["UserError"],
 }  # fmt: skip

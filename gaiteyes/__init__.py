@@ -31,12 +31,14 @@ if TYPE_CHECKING:
     from gaiteyes.recorded import replay as replay
     from messages import AnkleState as AnkleState
     from messages import Attitude as Attitude
+    from messages import BiasAtTemperature as BiasAtTemperature
     from messages import Calibration as Calibration
     from messages import CanBusHealth as CanBusHealth
     from messages import CanState as CanState
     from messages import Covariance3 as Covariance3
     from messages import DepthCalibration as DepthCalibration
     from messages import DepthFrame as DepthFrame
+    from messages import DepthScale as DepthScale
     from messages import DepthUnitCalibration as DepthUnitCalibration
     from messages import DeviceCounters as DeviceCounters
     from messages import DropCause as DropCause
@@ -50,10 +52,12 @@ if TYPE_CHECKING:
     from messages import ImuCalibration as ImuCalibration
     from messages import ImuSample as ImuSample
     from messages import Input as Input
+    from messages import Learnt as Learnt
     from messages import Lens as Lens
     from messages import Load as Load
     from messages import LoadLevel as LoadLevel
     from messages import Matrix3 as Matrix3
+    from messages import Motion as Motion
     from messages import Pose as Pose
     from messages import Quaternion as Quaternion
     from messages import Reason as Reason
@@ -107,12 +111,14 @@ _HOMES = {
     "FloatArray": "messages.arrays",
     "AnkleState": "messages",
     "Attitude": "messages",
+    "BiasAtTemperature": "messages",
     "Calibration": "messages",
     "CanBusHealth": "messages",
     "CanState": "messages",
     "Covariance3": "messages",
     "DepthCalibration": "messages",
     "DepthFrame": "messages",
+    "DepthScale": "messages",
     "DepthUnitCalibration": "messages",
     "DeviceCounters": "messages",
     "DropCause": "messages",
@@ -126,10 +132,12 @@ _HOMES = {
     "ImuCalibration": "messages",
     "ImuSample": "messages",
     "Input": "messages",
+    "Learnt": "messages",
     "Lens": "messages",
     "Load": "messages",
     "LoadLevel": "messages",
     "Matrix3": "messages",
+    "Motion": "messages",
     "Pose": "messages",
     "Quaternion": "messages",
     "Reason": "messages",

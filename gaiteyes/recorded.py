@@ -23,7 +23,7 @@ def replay(source: Path | str, *, config: Path | str | None = None) -> Iterator[
 
 
 def _estimates(opened: ReplaySource) -> Iterator[Estimate]:
-    pipeline = Pipeline(opened.calibration, opened.configuration.foothold)
+    pipeline = Pipeline(opened.calibration, opened.configuration.foothold, opened.learnt)
     for message in opened.inputs():
         yield from pipeline.step(message)
     damage = opened.damage()

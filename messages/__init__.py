@@ -21,6 +21,7 @@ from messages.estimates import (
     GroundPlane,
     GroundTruth,
     Health,
+    Motion,
     Quaternion,
     Reason,
     Source,
@@ -51,6 +52,7 @@ from messages.inputs import (
     Tick,
     Vec3,
 )
+from messages.learnt import BiasAtTemperature, DepthScale, Learnt
 from messages.refusal import Refusal
 from messages.topics import TOPIC_OF, TOPICS, DropRule, Topic
 
@@ -59,6 +61,7 @@ __all__ = [
     "TOPIC_OF",
     "AnkleState",
     "Attitude",
+    "BiasAtTemperature",
     "Calibration",
     "CanBusHealth",
     "CanState",
@@ -66,6 +69,7 @@ __all__ = [
     "DepthCalibration",
     "DepthFrame",
     "DepthImage",
+    "DepthScale",
     "DepthUnitCalibration",
     "DeviceCounters",
     "DropCause",
@@ -84,10 +88,12 @@ __all__ = [
     "ImuSample",
     "Input",
     "LastingInput",
+    "Learnt",
     "Lens",
     "Load",
     "LoadLevel",
     "Matrix3",
+    "Motion",
     "Pose",
     "Quaternion",
     "Reason",

@@ -120,7 +120,7 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def id(self) -> str:
         """Eight hexadecimal digits that change whenever any value does, the same before and after a file."""
-        return _short_hash(self)
+        return short_hash(self)
 
     @property
     def camera(self) -> StereoCalibration:
@@ -145,7 +145,7 @@ class DepthUnitCalibration(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def id(self) -> str:
         """Eight hexadecimal digits that change whenever any value does, the same before and after a file."""
-        return _short_hash(self)
+        return short_hash(self)
 
     @property
     def camera(self) -> DepthCalibration:
@@ -161,6 +161,7 @@ class DepthUnitCalibration(msgspec.Struct, frozen=True, kw_only=True):
 UnitCalibration = Calibration | DepthUnitCalibration
 
 
-def _short_hash(calibration: UnitCalibration) -> str:
-    plain = msgspec.convert(msgspec.to_builtins(calibration), type(calibration))  # 1 and 1.0 are one value
+def short_hash(values: msgspec.Struct) -> str:
+    """Return eight hexadecimal digits that change whenever any of the values does."""
+    plain = msgspec.convert(msgspec.to_builtins(values), type(values))  # 1 and 1.0 are one value
     return hashlib.sha256(msgspec.json.encode(plain)).hexdigest()[:8]

@@ -38,7 +38,7 @@ class Reason(str, enum.Enum):
     NOT_AT_REST = "not_at_rest"  # still starting, because the wearer moves
     NO_IMU = "no_imu"  # IMU samples stopped, or came too late for this frame
     NO_FRAME = "no_frame"  # frames stopped
-    LOW_TEXTURE = "low_texture"  # too few pixels could be matched
+    LOW_TEXTURE = "low_texture"  # too few pixels could be matched, or followed from frame to frame
     NOT_PLANAR = "not_planar"  # no plane explains the foothold region, or only this one frame's
     TOO_STEEP = "too_steep"  # a plane, but no ground one can step on
     FOOTHOLD_OUT_OF_VIEW = "foothold_out_of_view"
@@ -49,7 +49,9 @@ class Reason(str, enum.Enum):
     TIME_INCONSISTENT = "time_inconsistent"  # the frame's stamp contradicts its arrival, or the IMU's clock
     LATE = "late"  # computed so late that the wearer has moved on
     IMU_INCONSISTENT = "imu_inconsistent"  # the IMU measures another motion than the camera sees
-    EYES_MISALIGNED = "eyes_misaligned"  # one eye sees everything higher than its calibration says
+    EYES_MISALIGNED = "eyes_misaligned"  # one eye sees everything higher, or larger, than its calibration says
+    CAMERA_SLIPPED = "camera_slipped"  # the camera has turned on its mount: calibrate it to the IMU
+    DISTANCES_WRONG = "distances_wrong"  # what is seen moves more, or less, than the IMU measures: calibrate the eyes
 
     @property
     def status(self) -> Status:
@@ -154,8 +156,57 @@ class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
+class Motion(msgspec.Struct, frozen=True, kw_only=True):
+    """How the wearer moves over the ground seen, in the heading frame H of the frame exposed at `t_exposure_ns`.
+
+    Velocity is that of the left optical centre, origin of H; on a moving floor, a bus's or an escalator's, it counts
+    from that floor. `distance_m` is the length of its horizontal path since the service started, as far as it was seen,
+    in chords of 10 cm: swaying on the spot adds nothing. `velocity_cov_H`, (m/s)², and `rate_cov_H`, (rad/s)², are
+    those of the two vectors; between them and the distance no covariance is told. LOW_TEXTURE says that the camera's
+    own motion has not been followed for a moment, or, with a depth camera, ever. `ground_moves` says that the floor
+    itself accelerates or turns, as a vehicle's or a lift's: the gyroscope alone then carries the vertical.
+    """
+
+    t_exposure_ns: int
+    frame_seq: int
+    status: Status
+    reason: Reason
+    velocity_H_mps: Vec3
+    rate_H_radps: Vec3
+    distance_m: float
+    velocity_cov_H: Covariance3
+    rate_cov_H: Covariance3
+    distance_var_m2: float
+    ground_moves: bool
+    calibration_id: str
+
+    @classmethod
+    def invalid(cls, *, t_exposure_ns: int, frame_seq: int, reason: Reason, calibration_id: str) -> "Motion":
+        """Return the estimate that says only why there is none: NaN in place of every number.
+
+        Raises ValueError for `Reason.NONE`.
+        """
+        return cls(
+            t_exposure_ns=t_exposure_ns,
+            frame_seq=frame_seq,
+            status=_without_numbers(reason),
+            reason=reason,
+            velocity_H_mps=(_NAN,) * 3,
+            rate_H_radps=(_NAN,) * 3,
+            distance_m=_NAN,
+            velocity_cov_H=(_NAN,) * 6,
+            rate_cov_H=(_NAN,) * 6,
+            distance_var_m2=_NAN,
+            ground_moves=False,
+            calibration_id=calibration_id,
+        )
+
+
 class Health(msgspec.Struct, frozen=True, kw_only=True):
-    """Once a second: what arrived, what was lost and by which cause, since the start."""
+    """Once a second: what arrived, what was lost and by which cause, since the start.
+
+    `learnt_id` is the id of what the unit had learnt in earlier runs when this one began; empty if it was nothing.
+    """
 
     t_ns: int
     imu_samples: int
@@ -179,14 +230,15 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     zenoh_errors: int
     load: Load
     calibration_id: str
+    learnt_id: str
 
 
-Estimate = Attitude | GroundPlane | Health
+Estimate = Attitude | GroundPlane | Motion | Health
 
 
 def capture_ns(estimate: Estimate) -> int:
     """Return the CLOCK_MONOTONIC instant for which `estimate` stands."""
-    if isinstance(estimate, GroundPlane):
+    if isinstance(estimate, GroundPlane | Motion):
         return estimate.t_exposure_ns
     return estimate.t_sample_ns if isinstance(estimate, Attitude) else estimate.t_ns
 

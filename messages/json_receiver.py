@@ -3,13 +3,14 @@
 What CAN frames have to pass stands in `messages.can_receiver`; the words for what is refused are the same.
 """
 
+import itertools
 import math
 from typing import Generic, TypeVar
 
 import msgspec
 
 from messages.codec import decode_line
-from messages.estimates import Attitude, Estimate, GroundPlane, Source, Stamp, Status, capture_ns
+from messages.estimates import Attitude, Covariance3, Estimate, GroundPlane, Motion, Source, Stamp, Status, capture_ns
 from messages.refusal import Refusal
 from messages.topics import TOPIC_OF
 
@@ -130,7 +131,7 @@ def _is_in_range(message: Estimate, stamp: Stamp) -> bool:
 def _is_complete(message: Estimate) -> bool:
     """Return whether an estimate that says it is valid has all its numbers, and no negative variance."""
     if isinstance(message, GroundPlane):
-        covariance = message.covariance
+        covariances: tuple[Covariance3, ...] = (message.covariance,)
         numbers: tuple[float, ...] = (
             message.slope_sagittal_rad,
             message.slope_frontal_rad,
@@ -138,9 +139,15 @@ def _is_complete(message: Estimate) -> bool:
             message.ahead_m,
         )
     elif isinstance(message, Attitude):
-        covariance = message.rotation_cov_W_rad2
+        covariances = (message.rotation_cov_W_rad2,)
         numbers = (*message.q_WB, *message.w_WB_B_radps, *message.gyro_bias_B_radps)
+    elif isinstance(message, Motion):
+        alone = (message.distance_var_m2, 0.0, 0.0, 0.0, 0.0, 0.0)
+        covariances = (message.velocity_cov_H, message.rate_cov_H, alone)
+        numbers = (*message.velocity_H_mps, *message.rate_H_radps, message.distance_m)
     else:
         return True
-    is_finite = all(math.isfinite(number) for number in (*numbers, *covariance))
-    return message.status is not Status.VALID or (is_finite and min(covariance[0], covariance[3], covariance[5]) >= 0.0)
+    if message.status is not Status.VALID:
+        return True
+    is_finite = all(math.isfinite(number) for number in (*numbers, *itertools.chain(*covariances)))
+    return is_finite and min(variance for each in covariances for variance in (each[0], each[3], each[5])) >= 0.0

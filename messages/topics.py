@@ -4,7 +4,7 @@ import enum
 
 import msgspec
 
-from messages.estimates import Attitude, GroundPlane, GroundTruth, Health
+from messages.estimates import Attitude, GroundPlane, GroundTruth, Health, Motion
 from messages.inputs import (
     AnkleState,
     DepthFrame,
@@ -68,6 +68,14 @@ _ROWS = (
     Topic(
         name="ground",
         message=GroundPlane,
+        rate_hz=20.0,
+        deadline_s=0.100,
+        drop=DropRule.NEWEST_WINS,
+        published=True,
+    ),
+    Topic(
+        name="motion",
+        message=Motion,
         rate_hz=20.0,
         deadline_s=0.100,
         drop=DropRule.NEWEST_WINS,

@@ -28,3 +28,8 @@ def between(u: Vec3, v: Vec3, share: float) -> Vec3:
 def square(v: Vec3) -> float:
     """Return |v|²."""
     return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+
+
+def dot(u: Vec3, v: Vec3) -> float:
+    """Return u · v."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]

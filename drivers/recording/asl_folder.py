@@ -128,17 +128,7 @@ class AslFolder:
             return None
         if len(candidates) > 1:
             raise DeviceError(f"{self._root}: more than one truth: {', '.join(found.name for found in candidates)}")
-        table = read_table(candidates[0], _TRUTH_COLUMNS)
-        q_WB = table.values[:, 3:7]
-        norms = np.linalg.norm(q_WB, axis=1)
-        wrong = np.flatnonzero(np.abs(norms - 1.0) > _QUATERNION_TOLERANCE)
-        if wrong.size:
-            raise DeviceError(
-                f"{candidates[0]}: line {table.lines[wrong[0]]}: the quaternion has the length {norms[wrong[0]]:.4g}, "
-                f"allowed {1 - _QUATERNION_TOLERANCE:g} to {1 + _QUATERNION_TOLERANCE:g}"
-            )
-        sign = np.where(q_WB[:, 0] < 0, -1.0, 1.0)
-        return TruthTrack(table.t_ns, q_WB * (sign / norms)[:, None], table.values[:, :3])
+        return read_truth(candidates[0])
 
     def _check_times(self) -> None:
         first_ns, last_ns = self._shots[0].t_ns, self._shots[-1].t_ns
@@ -175,6 +165,21 @@ class AslFolder:
             )
         image.flags.writeable = False
         return image
+
+
+def read_truth(path: Path) -> TruthTrack:
+    """Return the poses of one table of truth; raises DeviceError, one line, if it is unsound."""
+    table = read_table(path, _TRUTH_COLUMNS)
+    q_WB = table.values[:, 3:7]
+    norms = np.linalg.norm(q_WB, axis=1)
+    wrong = np.flatnonzero(np.abs(norms - 1.0) > _QUATERNION_TOLERANCE)
+    if wrong.size:
+        raise DeviceError(
+            f"{path}: line {table.lines[wrong[0]]}: the quaternion has the length {norms[wrong[0]]:.4g}, "
+            f"allowed {1 - _QUATERNION_TOLERANCE:g} to {1 + _QUATERNION_TOLERANCE:g}"
+        )
+    sign = np.where(q_WB[:, 0] < 0, -1.0, 1.0)
+    return TruthTrack(table.t_ns, q_WB * (sign / norms)[:, None], table.values[:, :3])
 
 
 def _images(root: Path, camera: str) -> dict[int, Path]:

@@ -47,11 +47,11 @@ ENCODINGS: dict[np.dtype[Any], str] = {np.dtype("<u1"): "mono8", np.dtype("<u2")
 """What foxglove.RawImage calls the pixels."""
 
 ABOUT = "gaiteyes"
-"""The metadata record with `format`, `device` and `source`."""
+"""The metadata record with `format`, `device` and `source`, and the id of what the unit had `learnt`, if anything."""
 
 FORMAT = "1"
-CALIBRATION_FILE, CONFIGURATION_FILE = "calibration.yaml", "configuration.toml"
-"""The attached texts."""
+CALIBRATION_FILE, CONFIGURATION_FILE, LEARNT_FILE = "calibration.yaml", "configuration.toml", "learnt.json"
+"""The attached texts; the last only where the unit had learnt something before."""
 
 _HEADER_CHANNEL = TOPIC_OF[FrameHeader].name
 _TRUTH_CHANNEL = TOPIC_OF[GroundTruth].name
@@ -69,10 +69,11 @@ M = TypeVar("M", bound=msgspec.Struct)
 class McapRecording:
     """The recording in the file `path`.
 
-    `device`, `source` (live or simulated), `calibration_text` and `configuration_text` are those of the daemon that
-    recorded it. `damage` is one line that tells, after `inputs` or `truth`, where and why reading had to stop before
-    the recording's end; None if it did not. Raises DeviceError, one line, if the file is no recording of GaitEyes,
-    is another version's, or is damaged before its first message.
+    `device`, `source` (live or simulated), `calibration_text`, `configuration_text` and `learnt_text` (None where the
+    unit had learnt nothing before) are those of the daemon that recorded it. `damage` is one line that tells, after
+    `inputs` or `truth`, where and why reading had to stop before the recording's end; None if it did not. Raises
+    DeviceError, one line, if the file is no recording of GaitEyes, is another version's, or is damaged before its first
+    message.
     """
 
     def __init__(self, path: Path) -> None:
@@ -94,6 +95,7 @@ class McapRecording:
             self.source = Source(about["source"])
             self.calibration_text = texts[CALIBRATION_FILE]
             self.configuration_text = texts[CONFIGURATION_FILE]
+            self.learnt_text = texts[LEARNT_FILE] if "learnt" in about else None
         except (KeyError, ValueError) as error:
             raise DeviceError(f"{path}: its opening is damaged: {error}") from error
 

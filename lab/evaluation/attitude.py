@@ -15,6 +15,9 @@ UNCALIBRATED = Residual(specific_force_mps2=0.05, scale=0.005)
 
 CALIBRATED = Residual(specific_force_mps2=0.0147, scale=0.0005)
 
+_SIGMA_AS_IT_IS = -1.0
+"""VQF's own deviation of a bias that it is given."""
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -79,16 +82,20 @@ def up_B_of(q_WB: FloatArray) -> FloatArray:
     return np.stack((2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z), axis=1)
 
 
-def vqf_up_B(sf_B: FloatArray, w_B: FloatArray, rate_hz: float) -> FloatArray:
+def vqf_up_B(sf_B: FloatArray, w_B: FloatArray, rate_hz: float, *, any_bias: bool = False) -> FloatArray:
     """Return the vertical (n, 3) of VQF without magnetometer, defaults, at the end of each sample's period.
 
-    Raises UserError where VQF is not installed.
+    Its defaults allow the gyroscope a bias of 2 °/s; with `any_bias` it may be larger (biasClip 10 °/s), and begins as
+    the mean rate of the first second. Raises UserError where VQF is not installed.
     """
     needs("the comparison with VQF", "vqf")
     from vqf import VQF
 
-    result = VQF(1.0 / rate_hz).updateBatch(np.ascontiguousarray(w_B), np.ascontiguousarray(sf_B))
-    return up_B_of(result["quat6D"])
+    w_B = np.ascontiguousarray(w_B)
+    peer = VQF(1.0 / rate_hz, biasClip=10.0) if any_bias else VQF(1.0 / rate_hz)
+    if any_bias:
+        peer.setBiasEstimate(np.ascontiguousarray(w_B[: round(rate_hz)].mean(axis=0)), _SIGMA_AS_IT_IS)
+    return up_B_of(peer.updateBatch(w_B, np.ascontiguousarray(sf_B))["quat6D"])
 
 
 def rms_deg(angles_rad: FloatArray) -> float:

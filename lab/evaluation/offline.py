@@ -14,6 +14,13 @@ CAMERAS: dict[str, type[SimulatedWearer] | type[DepthWearer]] = {"stereo": Simul
 """Who wears which kind of camera."""
 
 
+def known_camera(name: str) -> type[SimulatedWearer] | type[DepthWearer]:
+    """Return who wears the kind of camera called `name`; raises UserError for a name not in CAMERAS."""
+    if name not in CAMERAS:
+        raise UserError(f"camera is '{name}', known are {', '.join(CAMERAS)}")
+    return CAMERAS[name]
+
+
 def score_walk(
     seed: int,
     scenario_name: str,
@@ -27,9 +34,7 @@ def score_walk(
 
     Raises UserError for any other kind.
     """
-    if camera not in CAMERAS:
-        raise UserError(f"camera is '{camera}', known are {', '.join(CAMERAS)}")
-    wearer = CAMERAS[camera](seed, scenario(scenario_name, pace), _START_NS, perfect_calibration)
+    wearer = known_camera(camera)(seed, scenario(scenario_name, pace), _START_NS, perfect_calibration)
     foothold = FootholdSettings()
     pipeline = Pipeline(wearer.calibration, foothold)
     board = Scoreboard()

@@ -1,6 +1,5 @@
 """The attitude of the IMU from its own samples: start, rest, gaps and validity around the equations of the filter."""
 
-import copy
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,9 +10,21 @@ import numpy as np
 from messages import Quaternion, Reason, Residual, Status, Vec3
 from messages.arrays import FloatArray
 from perception import so3, vec3
+from perception.attitude.agreement import Innovation
+from perception.attitude.camera_step import CameraStep, begin_step, measure_step
+from perception.attitude.causes import (
+    distance_scale,
+    distances_are_plausible,
+    ground_is_plausible,
+    has_slipped,
+)
+from perception.attitude.foretold import MotionForetold, foretold
 from perception.attitude.kalman import AttitudeKalman
+from perception.attitude.movement import movement_covariance, unseen_travel
+from perception.attitude.path_length import Travel
 from perception.attitude.rest import Rest
-from perception.attitude.state import AttitudeSettings, AttitudeState, Checkpoint, Levelling, Sample
+from perception.attitude.sensor_errors import SensorErrors
+from perception.attitude.state import AttitudeSettings, AttitudeState, Checkpoint, GroundMotion, Levelling, Sample
 
 __all__ = ["AttitudeFilter", "AttitudeSettings", "AttitudeState"]
 
@@ -36,15 +47,16 @@ class AttitudeFilter:
 
     def save(self) -> AttitudeState:
         """Return a copy of the state; a filter of the same settings that restores it goes on as this one would."""
-        return copy.deepcopy(self._state)
+        return self._state.copy()
 
     def restore(self, state: AttitudeState) -> None:
         """Go on from `state`."""
-        self._state = copy.deepcopy(state)
+        self._state = state.copy()
 
-    def reset(self) -> None:
-        """Start afresh, as before the first sample: attitude, motion and the sensors' errors are unknown again."""
-        self._state = self._kalman.new_state()
+    def reset(self, known: SensorErrors | None = None) -> None:
+        """Start afresh, as before the first sample: attitude and motion are unknown again, of the sensors' errors is
+        known what the calibration leaves, or `known`."""
+        self._state = self._kalman.new_state(known)
 
     def carry_by_gyro(self, since: Sequence[Sample]) -> None:
         """Go on from the vertical that the gyroscope alone carries through the samples `since` the state, all valid.
@@ -52,6 +64,57 @@ class AttitudeFilter:
         Of the motion nothing is left: what the accelerometer measured meanwhile is not used.
         """
         self._state = self._kalman.carried_by_gyro(self._state, since)
+
+    def begin_camera_step(self) -> None:
+        """Let a step of the camera begin at the last sample."""
+        if self._state.started:
+            begin_step(self._kalman, self._state)
+
+    def end_camera_step(self, step: CameraStep, *, believed: bool = True) -> Innovation | None:
+        """Take a step of the camera that ends at the last sample; the next one begins.
+
+        Where the IMU's turns are not `believed`, nothing is corrected. Returns what it said; None where no step began.
+        """
+        if not self._state.started:
+            return None
+        innovation = measure_step(self._kalman, self._state, step, believed=believed)
+        begin_step(self._kalman, self._state)
+        return innovation
+
+    @property
+    def foretold(self) -> MotionForetold | None:
+        """Return the motion over the ground that the camera should see next; None while the tilt is not known."""
+        return foretold(self._kalman, self._state)
+
+    @property
+    def t_ns(self) -> int | None:
+        """Return the time of the last sample, None before the first."""
+        return self._state.t_ns
+
+    @property
+    def ground(self) -> GroundMotion:
+        """Return how the ground that the camera sees moves, as in a vehicle or lift."""
+        return self._state.ground
+
+    @property
+    def distance_scale(self) -> float:
+        """Return by what share the camera's distances are likely too long."""
+        return distance_scale(self._kalman, self._state)
+
+    @property
+    def distances_are_plausible(self) -> bool:
+        """Return whether that share may be what the calibration leaves."""
+        return distances_are_plausible(self._kalman, self._state)
+
+    @property
+    def ground_is_plausible(self) -> bool:
+        """Return whether the ground moves as one may: if not, the accelerometer is wrong."""
+        return ground_is_plausible(self._kalman, self._state)
+
+    @property
+    def camera_has_slipped(self) -> bool:
+        """Return whether the camera is known to have turned on its mount by more than the calibration allows."""
+        return has_slipped(self._kalman, self._state)
 
     @property
     def q_WB(self) -> Quaternion:
@@ -79,6 +142,30 @@ class AttitudeFilter:
     def gyro_bias(self) -> Vec3:
         """Return the gyroscope's bias in B, rad/s; zero until the first start."""
         return self._state.gyro_bias
+
+    @property
+    def v_W_mps(self) -> Vec3:
+        """Return the velocity at the last sample, m/s, over the ground that the camera sees; 0 before the start."""
+        return self._state.v_W
+
+    @property
+    def without_camera_s(self) -> float:
+        """Return for how long no step of the camera has been used, until the last sample; infinite before the first."""
+        return self._state.without_camera_s
+
+    @property
+    def movement_covariance(self) -> FloatArray:
+        """Return the covariance (9, 9) that `Movement` describes, at the last sample; the filter has started."""
+        return movement_covariance(self._kalman, self._state)
+
+    def unseen_travel(self, lever_B_m: Vec3) -> Travel | None:
+        """Return how far the samples carried a point of B since a step of the camera began; None where none has."""
+        return unseen_travel(self._kalman, self._state, lever_B_m)
+
+    @property
+    def sensor_errors(self) -> SensorErrors:
+        """Return what the sensors' errors are taken for, with their variances."""
+        return self._kalman.sensor_errors(self._state)
 
     @property
     def rotation_cov_W(self) -> FloatArray:
@@ -158,10 +245,10 @@ class AttitudeFilter:
         """Save the state from before samples were clipped; go back to it where that lasted for too long."""
         state = self._state
         if sample.clipped and state.before_clipping is None and state.t_ns is not None:
-            state.before_clipping = copy.deepcopy(replace(state, checkpoints=[]))
+            state.before_clipping = replace(state, checkpoints=[]).copy()
         elif not sample.clipped and state.before_clipping is not None:
             if state.clipped_s > self.settings.longest_clipping_s:
-                self._state = state.before_clipping
+                self._state = state.before_clipping.copy()
             state.before_clipping = None
 
     def _rest_is_better(self, state: AttitudeState) -> bool:
@@ -233,21 +320,26 @@ class AttitudeFilter:
         return so3.rows_from_quaternion(self._state.q_WB)[6:9]
 
     def _checkpoint_rest(self, sample: Sample) -> None:
-        """At rest keep the states of one and two `detection_delay_s` ago, and the samples since."""
+        """At rest, unless the camera tells the motion, keep the states of one and two `detection_delay_s` ago, and all
+        samples since."""
         state = self._state
+        if self._kalman.follows_camera(state):
+            state.checkpoints = []  # nothing is learnt from rest that would have to be undone
+            return
         for checkpoint in state.checkpoints:
             checkpoint.since.append(sample)
         if state.resting:
             newest_ns = state.checkpoints[-1].state.t_ns if state.checkpoints else None
             if newest_ns is None or sample.t_ns - newest_ns >= 1e9 * self.settings.detection_delay_s:
-                now = copy.deepcopy(replace(state, checkpoints=[]))
+                now = replace(state, checkpoints=[]).copy()
                 state.checkpoints = [*state.checkpoints[-1:], Checkpoint(now)]
 
     def _redo_without_rest(self) -> None:
         """Go over the last moments again, without rest: a walk had begun before it was detected."""
         if self._state.checkpoints:
             past = self._state.checkpoints[0]
-            self._state = past.state
+            self._state = past.state.copy()
             self._state.rest, self._state.resting = Rest(), False
+            self._state.pace_unknown_s = self.settings.pace_unknown_s
             for sample in past.since:
                 self._process(sample)

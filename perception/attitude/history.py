@@ -17,7 +17,8 @@ class OutsideHistoryError(LookupError):
 class AttitudeAt(NamedTuple):
     """Attitude, angular rate (rad/s, in B) and the bob of a walk (m/s, upwards, about its mean) at one instant.
 
-    `rotation_cov_W` (3, 3), rad², is that of the small rotation in W between the attitude and the truth.
+    `rotation_cov_W` (3, 3), rad², is that of the small rotation in W between the attitude and the truth; `v_W_mps` the
+    velocity, 0 before the start.
     """
 
     t_ns: int
@@ -25,6 +26,7 @@ class AttitudeAt(NamedTuple):
     w_WB_B: Vec3
     vertical_swing_mps: float
     rotation_cov_W: FloatArray
+    v_W_mps: Vec3 = vec3.ZERO
 
     @property
     def R_WB(self) -> FloatArray:
@@ -57,6 +59,11 @@ class AttitudeHistory:
     def clear(self) -> None:
         """Remove everything, as after a new start of the filter, whose yaw starts anew."""
         self._ring.clear()
+
+    def drop_after(self, t_ns: int) -> None:
+        """Forget what is later than `t_ns`: it will be told again."""
+        while self._ring and self._ring[-1].t_ns > t_ns:
+            self._ring.pop()
 
     def append(self, attitude: AttitudeAt) -> None:
         """Take the newest attitude. Raises ValueError where it is not later than the one before it."""
@@ -102,4 +109,6 @@ def _between(before: AttitudeAt, after: AttitudeAt, t_ns: int) -> AttitudeAt:
     share = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
     rate = vec3.between(before.w_WB_B, after.w_WB_B, share)
     vertical_swing_mps = before.vertical_swing_mps + share * (after.vertical_swing_mps - before.vertical_swing_mps)
-    return AttitudeAt(t_ns, so3.slerp(before.q_WB, after.q_WB, share), rate, vertical_swing_mps, before.rotation_cov_W)
+    v_W_mps = vec3.between(before.v_W_mps, after.v_W_mps, share)
+    q_WB = so3.slerp(before.q_WB, after.q_WB, share)
+    return AttitudeAt(t_ns, q_WB, rate, vertical_swing_mps, before.rotation_cov_W, v_W_mps)

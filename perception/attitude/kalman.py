@@ -14,6 +14,11 @@ motion:
     θ̇ = −R_WB (δb + δM w_measured) + n_w,   δv̇ = g θ × e_z − R_WB δa + n_a          (3)
     v = u + n_v,   at rest also   w = n_r                                           (4)
 
+What the camera sees of the motion measures them as well: (5) to (7) of `camera_step`, for which the displacement p
+since a step of the camera began, and the attitude at its beginning, stand in the state:
+
+    ṗ = v,   v̇ of (2) less the ground's own acceleration c where the ground moves
+
 b, M: gyroscope's bias, and scale and misalignment; a: accelerometer's bias; u: drift, or sway at rest. The yaw of W is
 arbitrary, and (4) says nothing about it: turning everything about e_z changes no measurement. Invariant error:
 Barrau, Bonnabel, IEEE TAC 62(4), 2017.
@@ -30,25 +35,49 @@ from messages import Residual, Vec3
 from messages.arrays import FloatArray
 from perception import so3, vec3
 from perception.attitude.rest import Rest
-from perception.attitude.state import AttitudeSettings, AttitudeState, Sample, Step
+from perception.attitude.sensor_errors import SensorErrors
+from perception.attitude.state import AttitudeSettings, AttitudeState, GroundMotion, Sample, Step
 
-SIZE = 24
-ROTATION, GYRO_BIAS, VELOCITY, DRIFT, SF_BIAS, GYRO_MATRIX = (
+SIZE = 39
+(
+    ROTATION,
+    GYRO_BIAS,
+    VELOCITY,
+    DRIFT,
+    SF_BIAS,
+    GYRO_MATRIX,
+    TRAVEL,
+    BEGINNING,
+    SCALE,
+    GROUND,
+    GROUND_TURN,
+    MOUNT,
+    LAG,
+) = (
     slice(0, 3),
     slice(3, 6),
     slice(6, 9),
     slice(9, 12),
     slice(12, 15),
     slice(15, 24),
+    slice(24, 27),
+    slice(27, 30),
+    slice(30, 31),
+    slice(31, 34),
+    slice(34, 35),
+    slice(35, 38),
+    slice(38, 39),
 )
-"""Where each error stands in the error state; the gyroscope's matrix row by row."""
+"""Where each error stands in the error state; the gyroscope's matrix row by row. BEGINNING is the rotation's error at
+the beginning of the camera's step; SCALE, MOUNT and LAG are those of its distances, its orientation in B and its clock;
+GROUND and GROUND_TURN those of the acceleration, and of the turn about the vertical, of the ground that it sees."""
 
 _I = np.eye(SIZE)
 _DIAGONAL = np.diag_indices(SIZE)
 _RATE_IS_ZERO = _I[GYRO_BIAS]
 _SWING_IS_ZERO = _I[VELOCITY] - _I[DRIFT]
 _RATE_AND_SWING_ARE_ZERO = np.vstack((_RATE_IS_ZERO, _SWING_IS_ZERO))
-"""What (4) measures of the error state, each (rows, 24)."""
+"""What (4) measures of the error state, each (rows, SIZE)."""
 
 _CROSS_UP = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 """θ × e_z = _CROSS_UP θ."""
@@ -70,19 +99,39 @@ class AttitudeKalman:
         self._initial_var[GYRO_BIAS] = settings.gyro_bias_radps**2
         self._initial_var[SF_BIAS] = sf_bias_mps2**2
         self._initial_var[GYRO_MATRIX] = residual.scale**2
+        toe_in = settings.camera.range_per_baseline * residual.toe_in_rad
+        self.least_scale = math.hypot(residual.scale, settings.camera.odometer_scale)
+        self.calibrated_scale = math.hypot(toe_in, residual.scale)
+        self._initial_var[SCALE] = settings.camera.scale**2 + toe_in**2
+        self.mount_rad = math.hypot(settings.camera.mount_rad, residual.camera_to_imu_rad)
+        self._initial_var[MOUNT] = self.mount_rad**2
+        self._initial_var[LAG] = settings.camera.lag_s**2 + residual.time_s**2
         self._walk_density = np.zeros(SIZE)
         self._walk_density[ROTATION] = settings.gyro_noise_radps_rthz**2
         self._walk_density[GYRO_BIAS] = settings.gyro_bias_walk_radps_rts**2
         self._walk_density[VELOCITY] = settings.sf_noise_mps2_rthz**2
         self._walk_density[SF_BIAS] = settings.sf_bias_walk_mps2_rts**2
+        self._walk_density[MOUNT] = settings.camera.mount_walk_rad_rts**2
         self._least_tilt_var = (residual.specific_force_mps2 / settings.gravity_mps2) ** 2
         self._rotation_per_square_rate = residual.scale**2 * settings.gyro_scale_time_s
         self._velocity_per_square_acceleration = residual.scale**2 * settings.sf_scale_time_s
-        self._sway_density = np.repeat((settings.sway_rate_radps_rts**2, settings.sway_swing_mps_rts**2), 3)
+        self._sway_swing_density = settings.sway_swing_mps_rts**2
 
-    def new_state(self) -> AttitudeState:
-        """Return the state before the first sample."""
-        return AttitudeState(np.diag(self._initial_var))
+    def new_state(self, known: SensorErrors | None = None) -> AttitudeState:
+        """Return the state before the first sample, from what is `known` of the sensors beyond the calibration."""
+        state = AttitudeState(np.diag(self._initial_var))
+        if known is not None:
+            state.gyro_bias, state.sf_bias, state.scale = known.gyro_bias, known.sf_bias, known.scale
+            P = state.covariance
+            P[GYRO_BIAS, GYRO_BIAS], P[SF_BIAS, SF_BIAS] = np.diag(known.gyro_var), np.diag(known.sf_var)
+            P[SCALE, SCALE] = known.scale_var
+        return state
+
+    def sensor_errors(self, state: AttitudeState) -> SensorErrors:
+        """Return what the sensors' errors are taken for, with their variances."""
+        variances: list[float] = np.diag(state.covariance).tolist()
+        gyro_var, sf_var = _vec3(variances, GYRO_BIAS), _vec3(variances, SF_BIAS)
+        return SensorErrors(state.gyro_bias, gyro_var, state.sf_bias, sf_var, state.scale, variances[SCALE.start])
 
     def after_gap(self, state: AttitudeState, gap_s: float) -> AttitudeState:
         """Return the state before the first sample after `gap_s` without: of the motion nothing is left, of the
@@ -93,6 +142,9 @@ class AttitudeKalman:
             gyro_bias=state.gyro_bias,
             sf_bias=state.sf_bias,
             gyro_matrix=state.gyro_matrix,
+            scale=state.scale,
+            mount_B=state.mount_B,
+            lag_s=state.lag_s,
             reason_uncertain=state.reason_uncertain,
             usual_mounting=replace(state.usual_mounting),
         )
@@ -146,13 +198,21 @@ class AttitudeKalman:
         rate_radps = math.hypot(*self.rate(state, state.rest.mean_w_B))
         return rate_radps < settings.deviation_w_radps + 3.0 * bias_deviation
 
+    def follows_camera(self, state: AttitudeState) -> bool:
+        """Return whether steps of the camera tell the motion: nothing else need bound the velocity, not even rest."""
+        return state.without_camera_s < self.settings.camera.fresh_s
+
+    def has_lost_camera(self, state: AttitudeState) -> bool:
+        """Return whether there were steps of the camera, but not now."""
+        return self.settings.camera.fresh_s <= state.without_camera_s < math.inf
+
     def start_at_rest(self, state: AttitudeState) -> None:
         """Level by the mean specific force of the rest, and take its mean rate for the bias."""
         settings = self.settings
         up_B = vec3.minus(state.rest.mean_sf_B, state.sf_bias)
         self._start(state, up_B, settings.rest_tilt_rad, settings.sway_mps)
         rate = np.array(self.rate(state, state.rest.mean_w_B))
-        _fuse(state, _RATE_IS_ZERO, rate, self._sway_density[:3] / settings.rest.time_s)
+        fuse(state, _RATE_IS_ZERO, rate, self._rate_density(state) / settings.rest.time_s * np.eye(3))
 
     def start_in_motion(self, state: AttitudeState, up_B: Vec3, tilt_rad: float) -> None:
         """Start with the vertical along `up_B`, of any length, known to `tilt_rad` on each axis, at an unknown pace."""
@@ -168,12 +228,14 @@ class AttitudeKalman:
         """Stand `up_B` upright: where the accelerometer's bias leans, so does the vertical."""
         state.started = True
         state.q_WB = so3.quaternion_from_up(up_B)
-        state.v_W = state.drift_W = vec3.ZERO
+        state.v_W = state.drift_W = state.smooth_swing_W = vec3.ZERO
         state.pace_unknown_s = 0.0
         state.step = Step()
         state.sf_W = _specific_force_W(state)
         P = state.covariance
-        for motion in (ROTATION, VELOCITY, DRIFT):
+        state.travel_W, state.q_WB_beginning = vec3.ZERO, None
+        state.ground = GroundMotion()
+        for motion in (ROTATION, VELOCITY, DRIFT, TRAVEL, BEGINNING, GROUND, GROUND_TURN):
             P[motion, :] = P[:, motion] = 0.0
         # g θ × e_z = R_WB δa
         tilt_of_bias = _CROSS_UP.T @ so3.matrix_from_quaternion(state.q_WB) / self.settings.gravity_mps2
@@ -191,8 +253,10 @@ class AttitudeKalman:
         state.q_WB = so3.multiply(state.q_WB, so3.quaternion_from_rotvec(turned))
         rows = so3.rows_from_quaternion(state.q_WB)
         state.sf_W = so3.transform(rows, vec3.minus(sample.sf_B, state.sf_bias))
-        x, y, z = vec3.between(sf_before_W, state.sf_W, 0.5)
+        x, y, z = vec3.minus(vec3.between(sf_before_W, state.sf_W, 0.5), state.ground.acceleration_W)
         acceleration_W = (x, y, z - self.settings.gravity_mps2)
+        state.travel_W = vec3.plus_scaled(state.travel_W, state.v_W, dt_s)
+        state.travel_W = vec3.plus_scaled(state.travel_W, acceleration_W, 0.5 * dt_s * dt_s)
         state.v_W = vec3.plus_scaled(state.v_W, acceleration_W, dt_s)
 
         step.elapsed_s += dt_s
@@ -204,7 +268,7 @@ class AttitudeKalman:
         step.velocity_var += self._velocity_per_square_acceleration * vec3.square(acceleration_W) * dt_s
         self._add_unseen_variance(state, dt_s, sample.clipped)
         if step.elapsed_s >= self.settings.correction_s:
-            self._correct(state)
+            self.correct(state)
 
     def _add_unseen_variance(self, state: AttitudeState, dt_s: float, clipped: bool) -> None:
         """Add the variance of what the samples did not show: between them, or beyond the range."""
@@ -219,8 +283,10 @@ class AttitudeKalman:
             step.velocity_var += (settings.clipped_sf_mps2 * dt_s) ** 2
         state.usual_step_s += _STEP_GAIN * (min(dt_s, 2.0 * state.usual_step_s) - state.usual_step_s)
 
-    def _correct(self, state: AttitudeState) -> None:
-        """Kalman filter over the errors: predict by (3), measure (4)."""
+    def correct(self, state: AttitudeState) -> None:
+        """Kalman filter over the errors, up to the newest sample: predict by (3), measure (4)."""
+        if state.step.elapsed_s == 0.0:
+            return
         step, state.step = state.step, Step()
         self._predict(state, step, self._detect_rest(state))
         self._measure(state, step.elapsed_s)
@@ -241,6 +307,11 @@ class AttitudeKalman:
         F[ROTATION, GYRO_BIAS] = F[VELOCITY, SF_BIAS] = -R_dt.sum(axis=0).reshape(3, 3)
         F[ROTATION, GYRO_MATRIX] = -(R_dt.T @ np.array(step.rates)).reshape(3, 9)
         F[VELOCITY, ROTATION] = settings.gravity_mps2 * step.elapsed_s * _CROSS_UP
+        F[TRAVEL, VELOCITY] = step.elapsed_s * np.eye(3)
+        F[TRAVEL, ROTATION] = 0.5 * step.elapsed_s * F[VELOCITY, ROTATION]
+        F[TRAVEL, SF_BIAS] = 0.5 * step.elapsed_s * F[VELOCITY, SF_BIAS]
+        F[VELOCITY, GROUND] = -F[TRAVEL, VELOCITY]
+        F[TRAVEL, GROUND] = -0.5 * step.elapsed_s * F[TRAVEL, VELOCITY]
         drift_mps, time_s = settings.drift_mps, settings.drift_time_s
         if state.resting:
             drift_mps, time_s = settings.sway_mps, settings.sway_time_s
@@ -256,35 +327,77 @@ class AttitudeKalman:
         noise[ROTATION] += step.rotation_var + (settings.runaway_rad_rts**2 * step.elapsed_s if runs_away else 0.0)
         noise[VELOCITY] += step.velocity_var
         noise[DRIFT] += (1.0 - kept**2) * drift_mps**2
+        if self.follows_camera(state):
+            noise[GYRO_BIAS] += settings.camera.bias_walk_radps_rts**2 * step.elapsed_s
+        elif self.has_lost_camera(state):
+            noise[GYRO_BIAS] += settings.camera.covered_bias_walk_radps_rts**2 * step.elapsed_s
+        if state.ground.moves:
+            self._predict_ground(state.ground, step.elapsed_s, F, noise)
         state.covariance = F @ state.covariance @ F.T
         state.covariance[_DIAGONAL] += noise
 
+    def _predict_ground(self, ground: GroundMotion, dt_s: float, F: FloatArray, noise: FloatArray) -> None:
+        """Let the ground's acceleration turn with it, and both fade to what is usual of a vehicle."""
+        settings = self.settings.camera
+        kept = math.exp(-dt_s / settings.ground_time_s)
+        c, s = kept * math.cos(ground.turn_radps * dt_s), kept * math.sin(ground.turn_radps * dt_s)
+        ground.velocity_W = vec3.plus_scaled(ground.velocity_W, ground.acceleration_W, dt_s)
+        x, y, z = ground.acceleration_W
+        ground.acceleration_W = (c * x - s * y, s * x + c * y, kept * z)
+        ground.turn_radps *= kept
+        F[GROUND, GROUND] = ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, kept))
+        F[GROUND, GROUND_TURN] = np.array(((-y,), (x,), (0.0,))) * dt_s
+        F[GROUND_TURN, GROUND_TURN] = kept
+        gain = dt_s / settings.ground_average_s
+        ground.usual_square += gain * (0.5 * (x**2 + y**2) - ground.usual_square)
+        ground.usual_square = max(ground.usual_square, settings.ground_least_mps2**2)
+        noise[GROUND] += (1.0 - kept**2) * np.diag(ground_var(ground.usual_square))
+        noise[GROUND_TURN] += (1.0 - kept**2) * settings.ground_turn_radps**2
+
     def _measure(self, state: AttitudeState, dt_s: float) -> None:
+        state.without_camera_s += dt_s
+        if self.follows_camera(state):
+            return
         swing_W = vec3.minus(state.v_W, state.drift_W)
         if state.resting:
-            variance = np.diag(_SWING_IS_ZERO @ state.covariance @ _SWING_IS_ZERO.T) + self._sway_density[3:] / dt_s
+            variance = np.diag(_SWING_IS_ZERO @ state.covariance @ _SWING_IS_ZERO.T) + self._sway_swing_density / dt_s
             if max(map(abs, swing_W)) > _FAR_SIGMAS * math.sqrt(variance.max()):
                 state.rest, state.resting = Rest(), False  # a walk begins, before the rest detector knows
         if state.resting:
             innovation = np.array((*self.rate(state, state.rest.mean_w_B), *vec3.scaled(swing_W, -1.0)))
-            _fuse(state, _RATE_AND_SWING_ARE_ZERO, innovation, self._sway_density / dt_s)
+            density = np.repeat((self._rate_density(state), self._sway_swing_density), 3)
+            fuse(state, _RATE_AND_SWING_ARE_ZERO, innovation, np.diag(density / dt_s))
         else:
-            variance = np.full(3, self._swing_density(state, swing_W, dt_s) / dt_s)
-            _fuse(state, _SWING_IS_ZERO, -np.array(swing_W), variance)
+            noise = self._swing_density(state, swing_W, dt_s) / dt_s * np.eye(3)
+            fuse(state, _SWING_IS_ZERO, -np.array(swing_W), noise)
+
+    def _rate_density(self, state: AttitudeState) -> float:
+        """Return n_r's variance density, rad²/s: of one who stands, or what the rate's scatter tells."""
+        settings = self.settings
+        return max(settings.sway_rate_radps_rts**2, settings.sway_rate_time_s * state.rest.rate_var)
 
     def _swing_density(self, state: AttitudeState, swing_W: Vec3, dt_s: float) -> float:
-        """Return n_v's variance density, m²/s, from the swing's horizontal mean square, which it brings up to date."""
+        """Return n_v's variance density, m²/s, from the mean square of the smoothed horizontal swing, brought up to
+        date, and from its square now."""
         settings = self.settings
-        gain = dt_s / (dt_s + settings.swing_average_s)
-        state.mean_square_swing += gain * (swing_W[0] ** 2 + swing_W[1] ** 2 - state.mean_square_swing)
-        return settings.swing_floor_mps_rts**2 + settings.swing_time_s * state.mean_square_swing
+        smoothed = vec3.between(state.smooth_swing_W, swing_W, dt_s / (dt_s + settings.swing_smoothing_s))
+        # a drifting bias, or a tilt, is not to make room for the velocity that it makes up
+        square = min(smoothed[0] ** 2 + smoothed[1] ** 2, settings.most_swing_mps**2)
+        state.smooth_swing_W = smoothed
+        state.mean_square_swing += dt_s / (dt_s + settings.swing_average_s) * (square - state.mean_square_swing)
+        return settings.swing_floor_mps_rts**2 + settings.swing_time_s * max(state.mean_square_swing, square)
 
 
-def _fuse(state: AttitudeState, H: FloatArray, innovation: FloatArray, variance: FloatArray) -> None:
-    """Take a measurement H of the errors, with independent noise of `variance`, and correct the estimates."""
+def ground_var(usual_square: float) -> FloatArray:
+    """Return the covariance (3, 3), (m/s²)², of the acceleration of a ground that moves, in W: half of it upwards."""
+    return usual_square * np.diag((1.0, 1.0, 0.5))
+
+
+def fuse(state: AttitudeState, H: FloatArray, innovation: FloatArray, noise: FloatArray) -> None:
+    """Take a measurement H (m, SIZE) of the errors with the covariance `noise` (m, m), and correct the estimates."""
     P = state.covariance
     HP = H @ P
-    K = np.linalg.solve(HP @ H.T + np.diag(variance), HP).T
+    K = np.linalg.solve(HP @ H.T + noise, HP).T
     P = P - K @ HP
     state.covariance = 0.5 * (P + P.T)
     error: list[float] = (K @ innovation).tolist()
@@ -296,6 +409,15 @@ def _fuse(state: AttitudeState, H: FloatArray, innovation: FloatArray, variance:
     state.gyro_bias = vec3.plus_scaled(state.gyro_bias, _vec3(error, GYRO_BIAS), 1.0)
     state.sf_bias = vec3.plus_scaled(state.sf_bias, _vec3(error, SF_BIAS), 1.0)
     state.gyro_matrix = tuple(map(operator.add, state.gyro_matrix, error[GYRO_MATRIX]))
+    state.travel_W = vec3.plus_scaled(so3.transform(turn_rows, state.travel_W), _vec3(error, TRAVEL), 1.0)
+    if state.q_WB_beginning is not None:
+        turn = so3.quaternion_from_rotvec(_vec3(error, BEGINNING))
+        state.q_WB_beginning = so3.normalised(so3.multiply(turn, state.q_WB_beginning))
+    state.scale += error[SCALE.start]
+    state.mount_B = vec3.plus_scaled(state.mount_B, _vec3(error, MOUNT), 1.0)
+    state.ground.acceleration_W = vec3.plus_scaled(state.ground.acceleration_W, _vec3(error, GROUND), 1.0)
+    state.ground.turn_radps += error[GROUND_TURN.start]
+    state.lag_s += error[LAG.start]
     state.sf_W = _specific_force_W(state)
 
 

@@ -27,12 +27,14 @@ class RestSettings:
 
 @dataclass
 class Rest:
-    """Specific force and angular rate, smoothed and on average since the last movement, `quiet_s` ago."""
+    """Specific force and angular rate, smoothed and on average since the last movement, `quiet_s` ago; and the smoothed
+    rate's variance about its average, on one axis."""
 
     smooth_sf_B: Vec3 = vec3.ZERO
     smooth_w_B: Vec3 = vec3.ZERO
     mean_sf_B: Vec3 = vec3.ZERO
     mean_w_B: Vec3 = vec3.ZERO
+    rate_var: float = 0.0
     quiet_s: float = 0.0
     samples: int = 0
 
@@ -53,10 +55,12 @@ class Rest:
             return
         self.samples += 1
         self.quiet_s += dt_s
+        scatter = vec3.square(vec3.minus(self.smooth_w_B, self.mean_w_B)) / 3.0
         gain = max(1.0 / self.samples, dt_s / (dt_s + settings.average_s))
         self.mean_sf_B = vec3.between(self.mean_sf_B, sf_B, gain)
         self.mean_w_B = vec3.between(self.mean_w_B, w_B, gain)
+        self.rate_var += gain * (scatter - self.rate_var)
 
     def _restart(self) -> None:
         self.mean_sf_B, self.mean_w_B = self.smooth_sf_B, self.smooth_w_B
-        self.quiet_s, self.samples = 0.0, 1
+        self.rate_var, self.quiet_s, self.samples = 0.0, 0.0, 1

@@ -1,8 +1,10 @@
 """Parameters and state of the attitude filter, kept apart from its equations."""
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import NamedTuple
+
+import numpy as np
 
 from messages import Quaternion, Reason, Vec3
 from messages.arrays import FloatArray
@@ -13,6 +15,59 @@ from perception.attitude.usual_mounting import UsualMounting, UsualMountingSetti
 from perception.so3 import Rows
 
 _NAN_QUATERNION: Quaternion = (math.nan, math.nan, math.nan, math.nan)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraStepSettings:
+    """What a step of the camera is worth, and when it contradicts the IMU; 1 σ where nothing else is said."""
+
+    noise_factor: float = 1.2  # times the deviations that the odometer states: steps share a picture
+    scale: float = 0.004  # of its distances, beside what the toe-in leaves that far from the camera, in baselines
+    range_per_baseline: float = 10.0
+    odometer_scale: float = 0.003  # what the odometer itself errs by, however long it is followed
+    mount_rad: float = math.radians(0.05)  # of the camera in B, beside the calibration's residual
+    mount_walk_rad_rts: float = math.radians(0.005)
+    usual_sigmas: float = 3.0  # a step counts for no more of turn or travel
+    lag_s: float = 0.0003  # of the camera's stamps, beside the calibration's residual
+    refused_sigmas: float = 10.0  # a step beyond is not used: something else moves, or one of the two is wrong,
+    counted_sigmas: float = 5.0  # and counts for this much at most among what contradicts
+    # For this long after a step nothing else need bound the velocity, and the gyroscope's bias may change so much: it
+    # warms up, or the wearer walks out into the cold.
+    fresh_s: float = 0.25
+    bias_walk_radps_rts: float = math.radians(0.05)
+    # A covered camera's wearer still walks out into the cold.
+    covered_bias_walk_radps_rts: float = math.radians(0.1)
+    # A sum of innovations that fades contradicts beyond `far_sigmas`: the gyroscope's bias has jumped, and with it the
+    # tilt; or the ground moves, accelerating so much horizontally, less upwards, or turning, for so long.
+    memory_s: float = 1.0
+    far_sigmas: float = 5.5
+    explain_again_s: float = 0.3  # so long after a cause was found no other one is looked for
+    jump_tilt_rad: float = math.radians(0.3)
+    ground_mps2: float = 1.0
+    ground_turn_radps: float = math.radians(20.0)
+    ground_time_s: float = 5.0
+    least_ground_turn_radps: float = math.radians(3.0)  # less is the gyroscope's bias
+    ground_average_s: float = 10.0  # over which less, down to `ground_least_mps2`, becomes usual
+    ground_least_mps2: float = 0.3
+    ground_jump_mps: float = 0.2  # of velocity, until that was found
+    # It is at rest again once it has moved less than this for so long.
+    ground_at_rest_mps2: float = 0.15
+    ground_at_rest_radps: float = math.radians(1.0)
+    ground_at_rest_s: float = 3.0
+    # No ground accelerates, or has by then become, as fast as this along the axes of W: the accelerometer is wrong.
+    # Nor does any turn its acceleration round, by more than so much, more often than so within about so long.
+    reversal_mps2: float = 0.3
+    most_reversals: float = 2.5
+    few_reversals: float = 1.0  # it may be a ground again
+    reversal_memory_s: float = 3.0
+    most_ground_mps2: tuple[float, float, float] = (4.0, 4.0, 2.5)
+    most_ground_mps: tuple[float, float, float] = (40.0, 40.0, 8.0)
+    # A sum that fades more slowly tells of a camera that may have slipped by about `slip_rad`; it has where more than
+    # `most_slip_rad` is known of that, beside what the calibration leaves.
+    slip_memory_s: float = 3.0
+    slip_sigmas: float = 4.0
+    slip_rad: float = math.radians(2.0)
+    most_slip_rad: float = math.radians(0.2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,25 +88,31 @@ class AttitudeSettings:
     gyro_scale_time_s: float = 0.2
     sf_scale_time_s: float = 2.0
     # The velocity swings about a drift, which keeps to the heading and is a walker's: mean 0, this deviation on each
-    # axis, correlated so long. The swing's mean over T has the variance (floor² + time · mean square swing) / T.
+    # axis, correlated so long. The swing's mean over T has the variance (floor² + time · mean square swing) / T, of the
+    # swing smoothed, since a fast one has a smaller mean; and no less than its present square, for swings begin.
     drift_mps: float = 0.6
     drift_time_s: float = 20.0
     drift_limit_mps: float = 3.0
     swing_floor_mps_rts: float = 0.2
-    swing_time_s: float = 1.0
+    swing_time_s: float = 1.12
+    swing_smoothing_s: float = 0.15
+    most_swing_mps: float = 1.0  # more is an error's, not a person's
     swing_average_s: float = 3.0
-    # At rest the drift is a standing wearer's sway, and nothing swings.
+    # At rest the drift is a standing wearer's sway, and nothing swings. The rate's mean over T has the variance
+    # sway_rate² / T, or what its scatter about the mean, correlated over `sway_rate_time_s`, gives, if that is larger.
     rest: RestSettings = field(default_factory=RestSettings)
     sway_mps: float = 0.006
     sway_time_s: float = 0.5
-    sway_swing_mps_rts: float = 0.002
+    sway_swing_mps_rts: float = 0.01
     sway_rate_radps_rts: float = math.radians(0.35)
+    sway_rate_time_s: float = 5.0
     # A walk begins this long, to twice this long, before it is detected.
     detection_delay_s: float = 0.1
     # A velocity that contradicts rest, or any walk, adds to the variance of the attitude.
     runaway_rad_rts: float = math.radians(0.5)
     # A start from rest, and in motion: from the mean specific force, at some pace, somewhere in its swing. For
-    # `pace_unknown_s` the pace may change as much as it is unknown: the tilt does not yet tell a stop from a lean.
+    # `pace_unknown_s`, also after a rest, the pace may change as much as it is unknown: the tilt does not yet tell a
+    # stop from a lean.
     rest_tilt_rad: float = math.radians(0.3)
     moving_start_tilt_rad: float = math.radians(15.0)
     moving_start_speed_mps: float = 1.2
@@ -72,10 +133,11 @@ class AttitudeSettings:
     clipped_w_radps: float = 2.0
     clipped_sf_mps2: float = 20.0
     correction_s: float = 0.04
+    camera: CameraStepSettings = field(default_factory=CameraStepSettings)
     usable_tilt_rad: float = math.radians(3.0)
 
     def __post_init__(self) -> None:
-        for settings in (self, self.rest, self.usual_mounting):
+        for settings in (self, self.rest, self.usual_mounting, self.camera):
             for each in fields(settings):
                 value = getattr(settings, each.name)
                 if isinstance(value, float) and not 0.0 < value < math.inf:
@@ -107,6 +169,40 @@ class Step:
 
 
 @dataclass
+class Contradiction:
+    """The fading sum (3,) of what innovations say of one cause, and its covariance (3, 3)."""
+
+    total: FloatArray = field(default_factory=lambda: np.zeros(3))
+    covariance: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+
+
+@dataclass
+class Contradictions:
+    """What successive steps of the camera say against the state: of a turn, a travel, a camera that has slipped."""
+
+    turn: Contradiction = field(default_factory=Contradiction)
+    travel: Contradiction = field(default_factory=Contradiction)
+    slip: Contradiction = field(default_factory=Contradiction)
+
+
+@dataclass
+class GroundMotion:
+    """Whether the ground that the camera sees moves, as in a bus or lift: its acceleration in W, m/s², and what that
+    has made of its velocity, m/s, its turn about the vertical, rad/s, and for how long it has hardly moved."""
+
+    moves: bool = False
+    acceleration_W: Vec3 = vec3.ZERO
+    velocity_W: Vec3 = vec3.ZERO
+    turn_radps: float = 0.0
+    calm_s: float = 0.0
+    usual_square: float = 0.0  # of the horizontal acceleration on one axis, (m/s²)²
+    extreme_W: Vec3 = vec3.ZERO  # the acceleration farthest in the direction of the last
+    reversals: float = 0.0  # how often that has turned round, fading
+    goes_to_and_fro: bool = False  # too often for any ground
+    frozen_scale_var: float = 0.0  # variance of the scale of distances, which stays as it is meanwhile
+
+
+@dataclass
 class Levelling:
     """What happened since the first sample, S: rotation, and specific force integrated over time in S.
 
@@ -125,7 +221,7 @@ class Levelling:
 
 @dataclass
 class AttitudeState:
-    """The whole state of the filter; `covariance` is (24, 24), of the errors θ, b, v, u, a and M."""
+    """The whole state of the filter; `covariance` is (39, 39), of the errors that `kalman` lists."""
 
     covariance: FloatArray
     rest: Rest = field(default_factory=Rest)
@@ -140,16 +236,47 @@ class AttitudeState:
     q_WB: Quaternion = _NAN_QUATERNION
     v_W: Vec3 = vec3.ZERO
     drift_W: Vec3 = vec3.ZERO
+    smooth_swing_W: Vec3 = vec3.ZERO
     mean_square_swing: float = 0.0
     pace_unknown_s: float = 0.0  # so long the pace may still change freely
     w_measured: Vec3 = vec3.ZERO
     sf_measured: Vec3 = vec3.ZERO
     sf_W: Vec3 = vec3.ZERO
+    travel_W: Vec3 = vec3.ZERO  # since the camera's step began
+    q_WB_beginning: Quaternion | None = None  # the attitude then; None where no step has begun
+    without_camera_s: float = math.inf  # time since the last step of the camera that was used
+    scale: float = 0.0  # the camera's distances are (1 + scale) times the true ones
+    lag_s: float = 0.0  # so much later than their stamps are the camera's pictures
+    v_W_beginning: Vec3 = vec3.ZERO  # velocity and rate when the camera's step began
+    w_W_beginning: Vec3 = vec3.ZERO
+    mount_B: Vec3 = vec3.ZERO  # small turn of the camera in B from where the calibration has it
+    ground: GroundMotion = field(default_factory=GroundMotion)
+    contradictions: Contradictions = field(default_factory=Contradictions)
+    explained_s: float = math.inf  # time since a cause was found
     usual_mounting: UsualMounting = field(default_factory=UsualMounting)
     step: Step = field(default_factory=Step)
     levelling: Levelling | None = None  # until the tilt is known from samples
     checkpoints: "list[Checkpoint]" = field(default_factory=list)
     before_clipping: "AttitudeState | None" = None  # while samples are clipped
+
+    def copy(self) -> "AttitudeState":
+        """Return a state that goes on independently of this one; what lies before is shared, and never changed."""
+        step, levelling = self.step, self.levelling
+        return replace(
+            self,
+            covariance=self.covariance.copy(),
+            rest=replace(self.rest),
+            usual_mounting=replace(self.usual_mounting),
+            ground=replace(self.ground),
+            contradictions=Contradictions(
+                replace(self.contradictions.turn),
+                replace(self.contradictions.travel),
+                replace(self.contradictions.slip),
+            ),
+            step=replace(step, rows=[*step.rows], rates=[*step.rates], dts_s=[*step.dts_s]),
+            levelling=None if levelling is None else replace(levelling, since=[*levelling.since]),
+            checkpoints=[Checkpoint(each.state, [*each.since]) for each in self.checkpoints],
+        )
 
     @property
     def clipped_s(self) -> float:

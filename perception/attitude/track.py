@@ -7,13 +7,20 @@ from itertools import pairwise
 
 import numpy as np
 
-from messages import Attitude, ImuSample, Reason, Status, UnitCalibration, Vec3, upper_triangle, vec3
+from messages import Attitude, ImuSample, Learnt, Reason, Status, UnitCalibration, Vec3, upper_triangle, vec3
 from messages.arrays import FloatArray
 from perception import so3
+from perception.attitude.agreement import Advice, Agreement, Innovation
+from perception.attitude.camera_step import CameraStep
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings, AttitudeState
+from perception.attitude.foretold import MotionForetold
 from perception.attitude.history import AttitudeAt, AttitudeHistory, OutsideHistoryError
 from perception.attitude.imu_model import corrected
+from perception.attitude.learnt import SensorLearning
+from perception.attitude.movement import Movement
+from perception.attitude.path_length import PathLength, Travel
 from perception.attitude.state import Sample
+from perception.vec3 import between, minus
 
 
 class AttitudeTrack:
@@ -23,16 +30,28 @@ class AttitudeTrack:
     integrated backwards, so that a frame exposed during it can still be placed.
     """
 
-    def __init__(self, calibration: UnitCalibration) -> None:
+    def __init__(self, calibration: UnitCalibration, learnt: Learnt | None = None) -> None:
+        """Begin with what the unit has `learnt`; raises UserError where that does not belong to `calibration`."""
         self._imu = calibration.imu
         self._calibration_id = calibration.id
+        self._time_std_s = calibration.residual.time_s
         self._filter = AttitudeFilter(AttitudeSettings(), calibration.residual)
         self._history = AttitudeHistory(length_s=_HISTORY_S)
         self._longest_step_ns = round(1e9 * self._filter.settings.gap_s)
         self._before_start: deque[tuple[int, Vec3]] = deque(maxlen=_MOST_BEFORE_START)
         self._newest_ns: int | None = None
+        self._step_end: AttitudeState | None = None
+        self._agreement = Agreement()
         self._checkpoints: deque[tuple[int, AttitudeState]] = deque(maxlen=2)
         self._recent: deque[Sample] = deque(maxlen=_MOST_RECENT)
+        self._path = PathLength()
+        self._learning = SensorLearning(calibration, learnt)
+        self._temperature_degC = math.nan
+
+    @property
+    def learnt(self) -> Learnt:
+        """Return what is known of the sensors by now, of this run and those before it."""
+        return self._learning.learnt
 
     @property
     def reason(self) -> Reason:
@@ -47,6 +66,9 @@ class AttitudeTrack:
     def add_sample(self, sample: ImuSample) -> Attitude:
         """Take an acceptable sample and return the attitude at its time."""
         sf_B_mps2, w_B_radps = corrected(sample, self._imu)
+        self._temperature_degC = sample.temperature_degC
+        if self._newest_ns is None:
+            self._filter.reset(self._learning.prior(sample.temperature_degC))
         self._filter.update(sample.t_sample_ns, sf_B_mps2, w_B_radps, clipped=sample.clipped)
         self._newest_ns = sample.t_sample_ns
         self._recent.append(Sample(sample.t_sample_ns, sf_B_mps2, w_B_radps, sample.clipped))
@@ -54,10 +76,9 @@ class AttitudeTrack:
         if state.status is Status.VALID:
             if self._before_start:
                 self._add_attitudes_before_start(sample.t_sample_ns, rotation_cov_W)
-            self._history.append(
-                AttitudeAt(sample.t_sample_ns, state.q_WB, state.w_WB_B, state.vertical_swing_mps, rotation_cov_W)
-            )
+            self._history.append(self._attitude_at(sample.t_sample_ns))
         else:
+            self._step_end = None
             # a new start has a new yaw: nothing of the track before it may be mixed with what follows
             self._history.clear()
             if self._before_start and sample.t_sample_ns - self._before_start[-1][0] > self._longest_step_ns:
@@ -65,10 +86,96 @@ class AttitudeTrack:
             self._before_start.append((sample.t_sample_ns, w_B_radps))
         return self._message(sample.t_sample_ns, rotation_cov_W)
 
+    @property
+    def foretold(self) -> MotionForetold | None:
+        """Return the motion over the ground at the newest sample that the camera should see; None where unknown."""
+        return self._filter.foretold if self._filter.status is Status.VALID else None
+
+    @property
+    def contradiction(self) -> Reason:
+        """Return why IMU and camera may not be used together, or NONE."""
+        found = self._filter
+        if self._agreement.contradicted or not found.ground_is_plausible:
+            return Reason.IMU_INCONSISTENT
+        if found.camera_has_slipped:
+            return Reason.CAMERA_SLIPPED
+        return Reason.NONE if found.distances_are_plausible else Reason.DISTANCES_WRONG
+
+    @property
+    def ground_moves(self) -> bool:
+        """Return whether the ground that the camera sees accelerates or turns, as a vehicle or lift does."""
+        return self._filter.ground.moves
+
+    @property
+    def distance_scale(self) -> float:
+        """Return by what share the camera's distances are likely too long."""
+        return self._filter.distance_scale
+
+    def add_camera_step(self, step: CameraStep) -> None:
+        """Correct the attitude by a step of the camera, and all attitudes since with it.
+
+        The first one, and one that does not begin where the last ended or soon after, only says from when on. What the
+        IMU gave while it contradicted the camera is discarded as in `roll_back`.
+        """
+        if self._filter.status is not Status.VALID or self._newest_ns is None or step.t_after_ns > self._newest_ns:
+            return
+        now, at_end = self._filter.save(), self._step_end
+        if at_end is None or at_end.t_ns is None or at_end.t_ns <= self._recent[0].t_ns:
+            self._step_end = now
+            if now.t_ns is not None:
+                self._path.interrupt(now.t_ns, self._filter.settings.moving_start_speed_mps)
+            return
+        if step.t_before_ns < at_end.t_ns - _OVERLAP_NS:
+            return
+        self._filter.restore(at_end)
+        self._history.drop_after(at_end.t_ns)
+        if step.t_before_ns > at_end.t_ns + _OVERLAP_NS:
+            self._agreement.interrupt()
+            self._advance(step.t_before_ns)
+            self._path.add_unseen(step.t_before_ns, self._filter.unseen_travel(step.p_BC_m))
+            self._filter.begin_camera_step()
+        self._advance(step.t_after_ns)
+        innovation = self._end_camera_step(step)
+        self._step_end = self._filter.save()
+        self._advance(self._newest_ns)
+        advice = Advice.KEEP if innovation is None else self._agreement.add(innovation)
+        if advice is not Advice.KEEP:
+            self.roll_back(gyro_agrees=advice is Advice.DISCARD_ALL_BUT_TURNS)
+
+    def _end_camera_step(self, step: CameraStep) -> Innovation | None:
+        """Let the filter take the step that ends at its last sample, and lengthen the path by what is known of it."""
+        unseen = self._filter.unseen_travel(step.p_BC_m)
+        innovation = self._filter.end_camera_step(step, believed=not self._agreement.turn_contradicts)
+        if self._filter.without_camera_s == 0.0:
+            errors, noise_factor = self._filter.sensor_errors, self._filter.settings.camera.noise_factor
+            self._path.add_step(step, self._filter.R_WB, noise_factor, errors.scale, math.sqrt(errors.scale_var))
+        else:
+            self._path.add_unseen(step.t_after_ns, unseen)
+        return innovation
+
+    def _advance(self, until_ns: int) -> None:
+        """Take the samples since the filter's state again, up to `until_ns`: between two, what lies on their line."""
+        since_ns = self._filter.t_ns
+        for before, sample in pairwise(self._recent):
+            if since_ns is None or sample.t_ns <= since_ns:
+                continue
+            if before.t_ns >= until_ns:
+                break
+            self._filter.update(*_between(before, sample, until_ns))
+            if self._filter.status is Status.VALID:
+                self._history.append(self._attitude_at(min(sample.t_ns, until_ns)))
+
+    def _attitude_at(self, t_ns: int) -> AttitudeAt:
+        found = self._filter
+        swing_mps, v_W_mps = found.vertical_swing_mps, found.v_W_mps
+        return AttitudeAt(t_ns, found.q_WB, found.w_WB_B, swing_mps, found.rotation_cov_W, v_W_mps)
+
     def checkpoint(self) -> None:
-        """Save the state of the filter, every `_CHECKPOINT_EVERY_S`, while nothing contradicts it."""
+        """Save the filter's state, every `_CHECKPOINT_EVERY_S`, and learn of the sensors, while nothing contradicts."""
         if self._newest_ns is None or self._filter.status is not Status.VALID:
             return
+        if not self._filter.ground.moves:
+            self._learning.add(self._newest_ns, self._temperature_degC, self._filter.sensor_errors)
         if not self._checkpoints or self._newest_ns - self._checkpoints[-1][0] >= 1e9 * _CHECKPOINT_EVERY_S:
             self._checkpoints.append((self._newest_ns, self._filter.save()))
 
@@ -81,8 +188,10 @@ class AttitudeTrack:
         """
         self._history.clear()
         self._before_start.clear()
+        self._step_end = None
+        self._learning.discard()
         if not self._checkpoints:
-            self._filter.reset()
+            self._filter.reset(self._learning.prior(self._temperature_degC))
             return
         checkpoint_ns, state = self._checkpoints[0]
         self._filter.restore(state)
@@ -118,6 +227,26 @@ class AttitudeTrack:
             self._history.append(attitude)
         self._before_start.clear()
 
+    def movement_at(self, attitude: AttitudeAt) -> Movement | None:
+        """Return how the IMU moves where it has this attitude of the last moments; None where the camera sees nothing.
+
+        The covariance is that of the newest sample and of what its neighbours tell of the change meanwhile: the instant
+        is only known to the calibration's residual, and what rings at the edge of the sensor's bandwidth is lost in its
+        filter and between two samples, by about a sixth of the second difference.
+        """
+        if self._filter.without_camera_s >= self._filter.settings.camera.fresh_s:
+            return None
+        R_WB, covariance = attitude.R_WB, self._filter.movement_covariance
+        before, after = (self.at(attitude.t_ns + neighbour_ns) for neighbour_ns in (-_NEIGHBOUR_NS, _NEIGHBOUR_NS))
+        if before is not None and after is not None:
+            rates = [np.array((*each.v_W_mps, *(R_WB @ each.w_WB_B))) for each in (before, attitude, after)]
+            late = (rates[2] - rates[0]) * self._time_std_s / (2e-9 * _NEIGHBOUR_NS)
+            lost = (rates[2] - 2.0 * rates[1] + rates[0]) / 6.0
+            covariance[3:, 3:] += np.outer(late, late) + np.outer(lost, lost)
+        w_W_radps = minus(vec3(R_WB @ np.array(attitude.w_WB_B)), (0.0, 0.0, self._filter.ground.turn_radps))
+        way = self._path.at(attitude.t_ns, Travel(np.array(attitude.v_W_mps), covariance[3:6, 3:6]))
+        return Movement(R_WB, attitude.v_W_mps, w_W_radps, covariance, way, self._filter.ground.moves)
+
     def invalid_at(self, t_ns: int, reason: Reason = Reason.NO_IMU) -> Attitude:
         """Return the attitude that says only why there is none at `t_ns`."""
         return Attitude.invalid(t_sample_ns=t_ns, reason=reason, calibration_id=self._calibration_id)
@@ -138,7 +267,19 @@ class AttitudeTrack:
         )
 
 
+def _between(before: Sample, after: Sample, until_ns: int) -> Sample:
+    """Return `after`, or what lies on the line to it at `until_ns` where that is earlier."""
+    if after.t_ns <= until_ns:
+        return after
+    share = (until_ns - before.t_ns) / (after.t_ns - before.t_ns)
+    sf_B, w_B = between(before.sf_B, after.sf_B, share), between(before.w_B, after.w_B, share)
+    return Sample(until_ns, sf_B, w_B, before.clipped or after.clipped)
+
+
 _MOST_BEFORE_START = 1024
 _HISTORY_S = 2.0
 _CHECKPOINT_EVERY_S = 2.0
 _MOST_RECENT = 1024
+_NEIGHBOUR_NS = 10_000_000
+_OVERLAP_NS = 10_000_000
+"""So much earlier than the end of the step before, or later, a step may begin: their rows' times differ."""

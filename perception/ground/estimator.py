@@ -8,6 +8,7 @@ from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeasurement, GroundMeter
 from perception.ground.plane import Plane
 from perception.ground.tracking import PlaneTracker, TrackingSettings
+from perception.heading import heading
 
 
 class GroundEstimator:
@@ -20,7 +21,8 @@ class GroundEstimator:
         self._meter = GroundMeter(calibration.camera, calibration.residual)
         self._tracker = PlaneTracker(TrackingSettings())
         self._swap_watch = _SwapWatch()
-        self._R_BC: FloatArray = np.array(calibration.X_BE.R) @ self._meter.camera.R_EC
+        self.R_BC: FloatArray = np.array(calibration.X_BE.R) @ self._meter.camera.R_EC
+        """Takes vectors of the rectified camera to B, (3, 3)."""
 
     def set_foothold(self, foothold: FootholdSettings) -> None:
         """Measure another region from the next frame on."""
@@ -34,22 +36,24 @@ class GroundEstimator:
         rotation_cov_W_rad2: FloatArray,
         *,
         height_rate_mps: float = 0.0,
+        distance_scale: float = 0.0,
         reduced: bool = False,
     ) -> GroundPlane:
         """Return the ground in H of `frame`, given the attitude, its covariance and the rate at mid-exposure.
 
         `height_rate_mps` is how fast the camera moves away from the ground: a walker's bob, not the climb of a ramp.
+        `distance_scale` is by what share the camera's distances are too long.
         With `reduced` only the middle half of the region's width is matched.
         """
         if tuple(image.shape[::-1] for image in frame.images) != tuple(self._meter.camera.image_sizes_px):
             return self._invalid(frame, Reason.WRONG_SIZE)
-        R_WC = R_WB @ self._R_BC
+        R_WC = R_WB @ self.R_BC
         R_WH = heading(R_WC)
         if R_WH is None:
             return self._invalid(frame, Reason.FOOTHOLD_OUT_OF_VIEW)
         t_ns = frame.header.t_exposure_ns
         expected = self._tracker.predicted(t_ns, R_WH)
-        w_WC_C_radps = self._R_BC.T @ np.array(w_WB_B_radps)
+        w_WC_C_radps = self.R_BC.T @ np.array(w_WB_B_radps)
         region = self._foothold.narrowed() if reduced else self._foothold
 
         def measure(swapped: bool) -> GroundMeasurement:
@@ -77,7 +81,7 @@ class GroundEstimator:
             reason=Reason.NONE,
             slope_sagittal_rad=float(np.arctan(plane.gradient[0])),
             slope_frontal_rad=float(np.arctan(plane.gradient[1])),
-            height_m=plane.height_m,
+            height_m=plane.height_m / (1.0 + distance_scale),
             covariance=upper_triangle(cov),
             ahead_m=self._foothold.ahead_m,
             matched_share=measured.matched_share,
@@ -116,19 +120,6 @@ def _slope_cov(plane: Plane, cov_abh: FloatArray) -> FloatArray:
     slope_per_gradient = np.diag([1.0 / (1.0 + plane.gradient[0] ** 2), 1.0 / (1.0 + plane.gradient[1] ** 2), 1.0])
     cov: FloatArray = slope_per_gradient @ cov_abh @ slope_per_gradient
     return cov
-
-
-def heading(R_WC: FloatArray) -> FloatArray | None:
-    """Return R_WH (3, 3): H's x is the horizontal projection of C's optical axis; None if that is vertical."""
-    x, y = R_WC[0, 2], R_WC[1, 2]
-    length = float(np.hypot(x, y))
-    if length < _LEAST_HORIZONTAL:
-        return None
-    c, s = x / length, y / length
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-_LEAST_HORIZONTAL = 0.05
 
 
 class _SwapWatch:

@@ -3,23 +3,22 @@
 And one eye beside the other: what they see of a corner must lie on one epipolar line.
 """
 
-from typing import NamedTuple
+import math
 
-from messages import Calibration, Frame, ImuSample, Reason, StereoFrame, UnitCalibration
+import numpy as np
+
+from messages import Calibration, Frame, ImuSample, Reason, StereoFrame, UnitCalibration, vec3
+from perception.attitude.camera_step import CameraStep
+from perception.attitude.foretold import MotionForetold
 from perception.attitude.imu_model import corrected
-from perception.motion.consistency import ConsistencyMonitor, Subject, Verdict
-from perception.motion.ego_motion import VisualOdometer
-
-
-class Judgement(NamedTuple):
-    """Why camera and IMU may not be used together, or NONE; and whether to discard what the IMU gave until now."""
-
-    reason: Reason
-    discard: bool
+from perception.motion.clock_lag import ClockLagMonitor
+from perception.motion.ego_motion import EgoMotion, VisualOdometer
+from perception.motion.inner_motion import InnerMotion, RecentSamples
+from perception.motion.stereo_points import Skew
 
 
 class MotionWatch:
-    """Follows both, and says when they contradict each other.
+    """Tells how the camera moved, and when its pictures may not be used with the IMU.
 
     It needs pictures from two eyes: a depth camera's frames are ignored, and its reason stays NONE. The eyes
     are misaligned from the first pair that says so until `confirmations` in a row deny it: matching tolerates
@@ -28,62 +27,85 @@ class MotionWatch:
 
     most_skew_px = 2.0  # raw pixels, up or down
     confirmations = 3  # frames: one good frame among bad ones is chance
+    most_growth = 0.0015  # of that with the rows: a focal length so wrong makes heights wrong by a centimetre
+    growth_frames = 60  # on average, some seconds: what one frame says of it is mostly noise
 
     def __init__(self, calibration: UnitCalibration) -> None:
         self._imu = calibration.imu
         self._odometer: VisualOdometer | None = None
-        self._monitor: ConsistencyMonitor | None = None
+        self._clock: ClockLagMonitor | None = None
         self._aligned_frames = self.confirmations
+        self._growth, self._grown_frames = 0.0, 0
         if isinstance(calibration, Calibration):
             self._odometer = VisualOdometer(calibration.stereo)
-            self._monitor = ConsistencyMonitor(calibration, self._odometer.R_LC)
+            self._clock = ClockLagMonitor(calibration, self._odometer.R_LC)
+            self._R_BC = np.array(calibration.X_BL.R) @ self._odometer.R_LC
+            self._p_BC_m = calibration.X_BL.p_m
+            self._samples = RecentSamples(self._R_BC, self._p_BC_m)
 
     @property
     def reason(self) -> Reason:
-        """Return EYES_MISALIGNED, TIME_INCONSISTENT or IMU_INCONSISTENT while something contradicts, else NONE."""
+        """Return EYES_MISALIGNED or TIME_INCONSISTENT while something contradicts, else NONE."""
         if self._aligned_frames < self.confirmations:
             return Reason.EYES_MISALIGNED
-        return Reason.NONE if self._monitor is None else self._monitor.reason
-
-    @property
-    def contradictions(self) -> tuple[Subject, ...]:
-        """Return what contradicts."""
-        if self._monitor is None:
-            return ()
-        verdicts = self._monitor.verdicts
-        return tuple(subject for subject in Subject if verdicts[subject] is Verdict.INCONSISTENT)
-
-    @property
-    def gyro_agrees(self) -> bool:
-        """Return whether the gyroscope is known to agree with the camera."""
-        return self._monitor is not None and self._monitor.gyro_agrees
+        late = self._clock is not None and self._clock.contradicts
+        return Reason.TIME_INCONSISTENT if late else Reason.NONE
 
     def add_sample(self, sample: ImuSample) -> None:
         """Take a finite sample, later than the one before it; a clipped one counts as missing."""
-        if self._monitor is not None and not sample.clipped:
-            self._monitor.add_sample(sample.t_sample_ns, *corrected(sample, self._imu))
+        if self._clock is not None and not sample.clipped:
+            sf_B_mps2, w_B_radps = corrected(sample, self._imu)
+            self._samples.add(sample.t_sample_ns, sf_B_mps2, w_B_radps)
+            self._clock.add_sample(sample.t_sample_ns, w_B_radps)
 
-    def add_frame(self, frame: Frame) -> Judgement:
-        """Take a frame and judge its step."""
-        if self._monitor is None or self._odometer is None or not isinstance(frame, StereoFrame):
-            return Judgement(self.reason, discard=False)
+    def add_frame(self, frame: Frame, foretold: MotionForetold | None = None) -> CameraStep | None:
+        """Take a frame and return how the camera moved, where that is known from two eyes that are aligned.
+
+        `foretold` is what is expected at the newest sample; it tells where to look, and what is not the ground.
+        """
+        if self._clock is None or self._odometer is None or not isinstance(frame, StereoFrame):
+            return None
         if frame.left.shape[::-1] != self._odometer.raw_size_px:
-            return Judgement(self.reason, discard=False)
-        motion = self._odometer.add_frame(frame.header.t_exposure_ns, frame.left, frame.right)
-        discard = self._monitor.add_motion(motion, self._odometer.newest)
-        return Judgement(self.reason, discard)
+            return None
+        t_ns = frame.header.t_exposure_ns
+        inner = self._inner_motion(self._odometer, t_ns, foretold)
+        motion = self._odometer.add_frame(t_ns, frame.left, frame.right, inner)
+        self._clock.add_motion(motion)
+        aligned = self._aligned_frames >= self.confirmations
+        return self._step_in_B(motion) if aligned and motion is not None else None
 
-    def finish_frame(self) -> Judgement:
+    def _inner_motion(self, odometer: VisualOdometer, t_ns: int, foretold: MotionForetold | None) -> InnerMotion | None:
+        if odometer.t_before_ns is None or t_ns <= odometer.t_before_ns:
+            return None
+        margin_ns = round(1e9 * odometer.longest_row_time_s)
+        return self._samples.inner_motion(odometer.t_before_ns, t_ns, margin_ns, foretold, odometer.last_v_C_mps)
+
+    def _step_in_B(self, motion: EgoMotion) -> CameraStep:
+        duration_s = 1e-9 * (motion.t_after_ns - motion.t_before_ns)
+        to_B = duration_s * np.kron(np.eye(2), self._R_BC)
+        return CameraStep(
+            motion.t_before_ns,
+            motion.t_after_ns,
+            vec3(duration_s * self._R_BC @ motion.w_C_radps),
+            vec3(duration_s * self._R_BC @ motion.v_C_mps),
+            to_B @ motion.covariance @ to_B.T,
+            self._p_BC_m,
+        )
+
+    def finish_frame(self) -> None:
         """Judge the last second and prepare the next frame, once the estimate has left."""
-        if self._monitor is None or self._odometer is None:
-            return Judgement(self.reason, discard=False)
+        if self._clock is None or self._odometer is None:
+            return
         self._odometer.prepare_next()
-        self._check_alignment(self._odometer.skew_px)
-        discard = self._monitor.update_verdicts()
-        return Judgement(self.reason, discard)
+        self._check_alignment(self._odometer.skew)
+        self._clock.update()
 
-    def _check_alignment(self, skew_px: float) -> None:
-        if abs(skew_px) > self.most_skew_px:
+    def _check_alignment(self, skew: Skew) -> None:
+        if not math.isnan(skew.growth):
+            self._grown_frames += 1
+            self._growth += (skew.growth - self._growth) / min(self._grown_frames, self.growth_frames)
+        grown = self._grown_frames >= self.growth_frames and abs(self._growth) > self.most_growth
+        if abs(skew.px) > self.most_skew_px or grown:
             self._aligned_frames = 0
-        elif abs(skew_px) <= self.most_skew_px:  # not where it is NaN
+        elif abs(skew.px) <= self.most_skew_px:  # not where it is NaN
             self._aligned_frames += 1

@@ -2,7 +2,7 @@
 exponentials, scalar measurements one by one in Joseph's form.
 
 It starts from a state of the fast filter and goes on walking, or standing, as that state does; it knows neither
-starts and stops nor gaps and clipping.
+starts and stops nor gaps and clipping, and no camera: for that see `attitude_batch`.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ class ReferenceAttitude:
         self.b = np.array(start.gyro_bias)
         self.a = np.array(start.sf_bias)
         self.M = np.array(start.gyro_matrix).reshape(3, 3)
-        self.P = start.covariance.copy()
+        self.P = start.covariance[:24, :24].copy()
         self._resting = start.resting
         self._rest = start.rest
         self._w_before = np.array(start.w_measured)
@@ -33,6 +33,8 @@ class ReferenceAttitude:
         self._t_ns = start.t_ns or 0
         self._since_correction_s = 0.0
         self._mean_square_swing = start.mean_square_swing
+        self._pace_unknown_s = start.pace_unknown_s
+        self._smooth_swing = np.array(start.smooth_swing_W)
         self._settings = settings
         self._scale = residual.scale
 
@@ -59,6 +61,9 @@ class ReferenceAttitude:
         self._w_before, self._sf_before = w, sf
 
         deviation, time_s = (s.sway_mps, s.sway_time_s) if self._resting else (s.drift_mps, s.drift_time_s)
+        if self._pace_unknown_s > 0.0 and not self._resting:
+            deviation = s.moving_start_speed_mps
+        self._pace_unknown_s -= dt
         yaw_rate = self.R_WB[2] @ self._rate(w_mid)
         A = np.zeros((24, 24))
         A[0:3, 3:6] = -self.R_WB
@@ -83,12 +88,14 @@ class ReferenceAttitude:
         measurements: list[tuple[FloatArray, float, float]] = []
         if self._resting:
             rate = self._rate(np.array(self._rest.mean_w_B))
-            measurements += [(identity[3 + i], rate[i], s.sway_rate_radps_rts**2 / dt) for i in range(3)]
+            rate_density = max(s.sway_rate_radps_rts**2, s.sway_rate_time_s * self._rest.rate_var)
+            measurements += [(identity[3 + i], rate[i], rate_density / dt) for i in range(3)]
             density = s.sway_swing_mps_rts**2
         else:
-            gain = dt / (dt + s.swing_average_s)
-            self._mean_square_swing += gain * (swing[0] ** 2 + swing[1] ** 2 - self._mean_square_swing)
-            density = s.swing_floor_mps_rts**2 + s.swing_time_s * self._mean_square_swing
+            self._smooth_swing += dt / (dt + s.swing_smoothing_s) * (swing - self._smooth_swing)
+            square = self._smooth_swing[0] ** 2 + self._smooth_swing[1] ** 2
+            self._mean_square_swing += dt / (dt + s.swing_average_s) * (square - self._mean_square_swing)
+            density = s.swing_floor_mps_rts**2 + s.swing_time_s * max(square, self._mean_square_swing)
         measurements += [(identity[6 + i] - identity[9 + i], -swing[i], density / dt) for i in range(3)]
         error = np.zeros(24)
         for h, value, variance in measurements:

@@ -13,6 +13,7 @@ from messages import (
     Lens,
     Load,
     Matrix3,
+    Motion,
     Pose,
     Reason,
     Residual,
@@ -64,6 +65,24 @@ def attitude() -> Attitude:
     )
 
 
+def motion(**changes: object) -> Motion:
+    valid = Motion(
+        t_exposure_ns=1_000_000_000,
+        frame_seq=3,
+        status=Status.VALID,
+        reason=Reason.NONE,
+        velocity_H_mps=(1.2, 0.05, -0.1),
+        rate_H_radps=(0.01, -0.2, 0.3),
+        distance_m=12.5,
+        velocity_cov_H=(2.5e-5, 0.0, 0.0, 2.5e-5, 0.0, 2.5e-5),
+        rate_cov_H=(4e-6, 0.0, 0.0, 4e-6, 0.0, 4e-6),
+        distance_var_m2=1e-3,
+        ground_moves=False,
+        calibration_id="a3f01234",
+    )
+    return msgspec.structs.replace(valid, **changes)
+
+
 def health(**changes: object) -> Health:
     calm = Health(
         t_ns=5_000_000_000,
@@ -88,6 +107,7 @@ def health(**changes: object) -> Health:
         zenoh_errors=0,
         load=Load.REDUCED,
         calibration_id="a3f01234",
+        learnt_id="",
     )
     return msgspec.structs.replace(calm, **changes)
 

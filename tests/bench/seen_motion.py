@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import takewhile
 
+import msgspec
 import numpy as np
 
-from messages import Vec3, vec3
+from messages import Calibration, Pose, Vec3, matrix3, vec3
 from perception.motion.ego_motion import EgoMotion
 from sim_rig.walk.gait import Gait
 from sim_rig.walk.scenario import Pace, scenario
@@ -34,8 +35,7 @@ class SampleAt:
 
 
 def gait(seed: int, name: str = "level") -> Gait:
-    walk = scenario(name, Pace())
-    return Gait(walk.world, walk.legs, walk.hip_height_m, seed, START_NS)
+    return scenario(name, Pace()).gait(seed, START_NS)
 
 
 def seen(walk: Gait, from_ns: int, to_ns: int, noise: float = 1.0, seed: int = 0) -> EgoMotion:
@@ -80,3 +80,8 @@ def arrivals(seed: int, name: str = "level") -> tuple[SampleAt | EgoMotion, ...]
 def arrivals_until(to_ns: int, seed: int, name: str = "level") -> Iterator[SampleAt | EgoMotion]:
     """Yield what has arrived before `to_ns`."""
     return takewhile(lambda each: isinstance(each, EgoMotion) or each.t_ns < to_ns, arrivals(seed, name))
+
+
+def calibration_of_the_camera(unit: Calibration) -> Calibration:
+    """Return the calibration of a unit whose left camera is where `seen` has it."""
+    return msgspec.structs.replace(unit, X_BL=Pose(R=matrix3(R_BC), p_m=vec3(P_BC_M)))

@@ -2,17 +2,21 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from daemon import checkup
 from daemon.checkup import Finding, Verdict
+from daemon.state_file import write_state
 from drivers.can.settings import CanSettings
 from drivers.imu.mpu6050 import Mpu6050Counters
 from drivers.imu.self_test import AxisTest, SelfTest
 from drivers.protocols import DeviceError
-from messages import DropCause, Frame, FrameHeader, ImuSample, StereoFrame
+from messages import DepthScale, DropCause, Frame, FrameHeader, ImuSample, Learnt, StereoFrame
+from sim_rig.unit import draw_unit
 
 
 @dataclass
@@ -126,6 +130,29 @@ def test_an_open_bus_without_an_ankle_is_a_notice() -> None:
     (found,) = checkup.check_can(CanSettings(channel="checkup"), 0.05)
     assert found.verdict is Verdict.NOTICE
     assert "nothing is heard of the ankle" in found.seen
+
+
+NOW = datetime(2026, 11, 22, tzinfo=timezone.utc)
+
+
+def test_what_the_unit_has_learnt_is_told_with_its_age(tmp_path: Path) -> None:
+    calibration, path = draw_unit(1).calibration(np.random.default_rng(1)), tmp_path / "learnt.json"
+
+    def found() -> Finding:
+        (finding,) = checkup.check_learnt(path, calibration, NOW)
+        return finding
+
+    assert found().verdict is Verdict.FINE
+    assert found().seen == f"{path}: nothing yet, the unit has not been used"
+    scale = DepthScale(scale=0.0031, std=0.0004, seen_s=7000.0)
+    learnt = Learnt(calibration_id=calibration.id, used_s=7200.0, depth_scale=scale)
+    write_state(path, learnt, NOW - timedelta(days=3))
+    assert found().verdict is Verdict.FINE
+    assert found().seen == (f"{learnt.id}: no bias, depth scale +0.31 ± 0.04 %, in 2.0 h of use, written 3.0 days ago")
+    path.write_bytes(path.read_bytes()[:-9])
+    assert found().verdict is Verdict.NOTICE
+    assert found().seen == f"{path}: does not match its checksum; the unit will learn anew"
+    assert path.exists()
 
 
 def test_a_device_that_fails_is_a_finding() -> None:

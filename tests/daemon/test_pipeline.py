@@ -20,10 +20,12 @@ from messages import (
     Input,
     Load,
     LoadLevel,
+    Motion,
     Reason,
     Status,
     StereoFrame,
     Tick,
+    capture_ns,
 )
 from messages.codec import encode_line
 from perception.frame_guard import FrameGuard
@@ -64,6 +66,35 @@ def test_each_frame_and_each_sample_gets_its_estimate(wearer: SimulatedWearer, i
     assert [g.t_exposure_ns for g in grounds(estimates)] == [f.header.t_exposure_ns for f in frames]
     assert len([e for e in estimates if isinstance(e, Attitude)]) == len(samples)
     assert len([e for e in estimates if isinstance(e, Health)]) == 2
+
+
+def test_each_ground_is_followed_by_the_motion_of_its_frame(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    told = [e for e in run(pipeline(wearer), inputs) if isinstance(e, GroundPlane | Motion)]
+    pairs = list(zip(told[::2], told[1::2], strict=True))
+    assert all(isinstance(ground, GroundPlane) and isinstance(motion, Motion) for ground, motion in pairs)
+    assert all(capture_ns(ground) == capture_ns(motion) for ground, motion in pairs)
+    standing = [motion for _, motion in pairs if isinstance(motion, Motion) and motion.status is Status.VALID][2:]
+    assert len(standing) >= 20
+    for motion in standing:
+        assert max(map(abs, motion.velocity_H_mps)) < 0.06
+        assert 0.0 < max(motion.velocity_cov_H) < 0.03**2
+        assert motion.distance_m < 0.05
+
+
+def test_the_motion_is_not_told_while_nothing_can_be_followed(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    from_ns = START_NS + 1_200_000_000
+
+    def covered(message: Input) -> Input:
+        if isinstance(message, StereoFrame) and message.header.t_exposure_ns >= from_ns:
+            # no two alike, or it would be a repeated picture
+            shade = message.left * 0 + 90 + message.header.seq % 2
+            return StereoFrame(header=message.header, left=shade, right=shade)
+        return message
+
+    estimates = run(pipeline(wearer), [covered(message) for message in inputs])
+    motions = [e for e in estimates if isinstance(e, Motion) and e.t_exposure_ns > from_ns + 300_000_000]
+    assert {motion.reason for motion in motions} == {Reason.LOW_TEXTURE}
+    assert all(motion.distance_m != motion.distance_m for motion in motions)
 
 
 def test_estimates_come_at_the_rates_of_the_topic_table(wearer: SimulatedWearer, inputs: list[Input]) -> None:
@@ -204,7 +235,7 @@ def test_silence_of_the_imu_is_said_at_once_and_until_it_is_back(wearer: Simulat
             continue
         if isinstance(message, Tick):
             now_ns = message.t_ns
-        said += [(now_ns, estimate) for estimate in pipe.step(message) if not isinstance(estimate, Health)]
+        said += [(now_ns, estimate) for estimate in pipe.step(message) if isinstance(estimate, Attitude | GroundPlane)]
     silent = [(t_ns, e) for t_ns, e in said if from_ns <= t_ns and e.status is Status.INVALID]
     assert {e.reason for _, e in silent} == {Reason.NO_IMU}
     for kind in (Attitude, GroundPlane):

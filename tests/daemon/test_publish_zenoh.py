@@ -17,7 +17,7 @@ from daemon.publish_zenoh import ZenohPublisher
 from drivers.protocols import DeviceError
 from messages import TOPICS, Calibration, Estimate, GroundPlane, Source
 from messages.codec import decode, published_schemas
-from tests.bench.can_samples import attitude, calibration, ground, health, invalid_ground, stamp
+from tests.bench.can_samples import attitude, calibration, ground, health, invalid_ground, motion, stamp
 from tests.bench.zenoh_peer import arrival, client, free_endpoint
 
 pytestmark = pytest.mark.realtime
@@ -112,7 +112,12 @@ def test_calibration_configuration_and_schema_are_answered(live: ZenohPublisher,
         assert json.loads(answer(session, "gaiteyes/unit-1/schema")) == published_schemas()
 
 
-ESTIMATES: dict[str, Estimate] = {"attitude": attitude(), "ground": ground(), "health": health()}
+ESTIMATES: dict[str, Estimate] = {
+    "attitude": attitude(),
+    "ground": ground(),
+    "motion": motion(),
+    "health": health(),
+}
 
 
 def test_the_samples_here_are_all_published_topics() -> None:

@@ -5,6 +5,7 @@ import re
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -12,16 +13,19 @@ import pytest
 from daemon.pipeline import Pipeline
 from daemon.service import LATE_NS, Devices, Service
 from daemon.stamping import Stamper
+from daemon.state_file import StateKeeper
 from drivers.protocols import DeviceError
 from messages import (
     Attitude,
     Calibration,
+    DepthScale,
     DropCause,
     Estimate,
     FrameHeader,
     GroundPlane,
     Health,
     Input,
+    Learnt,
     Reason,
     ServiceError,
     Source,
@@ -195,6 +199,32 @@ def test_background_work_runs_until_the_end(calibration: Calibration) -> None:
     time.sleep(0.05)
     assert count > 3
     assert len(calls) == count
+
+
+def test_what_was_learnt_is_kept_while_running_and_at_the_end(
+    calibration: Calibration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "learnt.json"
+    first = Learnt(calibration_id=calibration.id, depth_scale=DepthScale(scale=0.0, std=1e-3, seen_s=0.0))
+
+    def service(learnt: Learnt, every_s: float) -> Service:
+        monkeypatch.setattr("daemon.service.STATE_EVERY_S", every_s)
+        monkeypatch.setattr(Pipeline, "learnt", property(lambda _: learnt))
+        rig = Rig(calibration)
+        return Service(
+            Pipeline(calibration, FootholdSettings()),
+            Devices(imu=rig.imu, camera=rig.camera),
+            [],
+            Stamper("test", "boot", Source.LIVE),
+            state_keeper=StateKeeper(path, calibration),
+        )
+
+    kept: list[bool] = []
+    service(first, 0.05).run(0.4, each_s=0.05, status=lambda: kept.append(path.exists()))
+    assert kept[-1]
+    later = msgspec.structs.replace(first, used_s=9.0)
+    service(later, 60.0).run(0.1)
+    assert StateKeeper(path, calibration).load() == later
 
 
 class Hang:

@@ -10,8 +10,20 @@ import gaiteyes
 from calib.files import format_calibration
 from daemon.pipeline import Pipeline
 from daemon.recorder import Recorder
+from daemon.replay_source import open_source
 from daemon.stamping import Stamper
-from messages import TOPIC_OF, Estimate, GroundPlane, Source, Status, UserError, capture_ns
+from messages import (
+    TOPIC_OF,
+    BiasAtTemperature,
+    Estimate,
+    GroundPlane,
+    Health,
+    Learnt,
+    Source,
+    Status,
+    UserError,
+    capture_ns,
+)
 from messages.codec import encode, encode_line
 from messages.json_receiver import JsonReceiver, Received
 from perception.ground.foothold import FootholdSettings
@@ -20,15 +32,30 @@ from sim_rig.walk.scenario import scenario
 from tests.bench.recorded import INFO
 
 
+def learnt_before(calibration_id: str) -> Learnt:
+    bias = BiasAtTemperature(
+        temperature_degC=30.0,
+        gyro_bias_radps=(0.01, -0.01, 0.005),
+        gyro_std_radps=(1e-3, 1e-3, 1e-3),
+        sf_bias_mps2=(0.001, 0.0, 0.002),
+        sf_std_mps2=(0.005, 0.005, 0.005),
+        seen_s=60.0,
+    )
+    return Learnt(calibration_id=calibration_id, used_s=60.0, biases=(bias,))
+
+
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Estimate]]:
-    """A recording, and what was estimated while it was made."""
+    """A recording of a unit that had learnt something, and what was estimated while it was made."""
     path = tmp_path_factory.mktemp("walk") / "walk.mcap"
     wearer = DepthWearer(5, scenario("standing"), 10_000_000_000)
     calibration = format_calibration(wearer.calibration)
-    info = dataclasses.replace(INFO, calibration_text=calibration, configuration_text="device = 'bench'\n")
+    learnt = learnt_before(wearer.calibration.id)
+    info = dataclasses.replace(
+        INFO, calibration_text=calibration, configuration_text="device = 'bench'\n", learnt=learnt
+    )
     recorder = Recorder(path, info)
-    pipeline = Pipeline(wearer.calibration, FootholdSettings())
+    pipeline = Pipeline(wearer.calibration, FootholdSettings(), learnt)
     live: list[Estimate] = []
     for message in wearer.offline_inputs(1.6):
         recorder.offer(message)
@@ -46,6 +73,14 @@ def facts(estimates: Iterator[Estimate] | list[Estimate]) -> list[bytes]:
 def test_a_recording_gives_what_was_estimated_live(walk: tuple[Path, list[Estimate]]) -> None:
     path, live = walk
     assert facts(gaiteyes.replay(str(path))) == facts(live)
+
+
+def test_what_the_unit_had_learnt_counts_and_its_id_is_told(walk: tuple[Path, list[Estimate]]) -> None:
+    opened = open_source(walk[0], None)
+    assert opened.learnt == learnt_before(opened.calibration.id)
+    assert {e.learnt_id for e in walk[1] if isinstance(e, Health)} == {opened.learnt.id}
+    without = Pipeline(opened.calibration, opened.configuration.foothold)
+    assert facts([e for message in opened.inputs() for e in without.step(message)]) != facts(walk[1])
 
 
 def test_all_that_the_pipeline_calls_valid_passes_a_receiver(walk: tuple[Path, list[Estimate]]) -> None:

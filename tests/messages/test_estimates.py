@@ -5,7 +5,7 @@ import math
 import msgspec
 import pytest
 
-from messages import Attitude, GroundPlane, Reason, Status
+from messages import Attitude, GroundPlane, Motion, Reason, Status
 
 
 def numbers(estimate: msgspec.Struct, *names: str) -> list[float]:
@@ -39,6 +39,16 @@ def test_a_ground_without_numbers_tells_where_it_looked_and_what_it_matched(reas
         "disparity_noise_px",
     )
     assert len(nan) == 3 + 6 + 2
+    assert all(map(math.isnan, nan))
+
+
+@pytest.mark.parametrize("reason", [reason for reason in Reason if reason is not Reason.NONE])
+def test_a_motion_without_numbers(reason: Reason) -> None:
+    found = Motion.invalid(t_exposure_ns=7, frame_seq=3, reason=reason, calibration_id="a3f01234")
+    assert (found.t_exposure_ns, found.frame_seq, found.reason, found.calibration_id) == (7, 3, reason, "a3f01234")
+    names = ("velocity_H_mps", "rate_H_radps", "distance_m", "velocity_cov_H", "rate_cov_H", "distance_var_m2")
+    nan = numbers(found, *names)
+    assert len(nan) == 3 + 3 + 1 + 6 + 6 + 1
     assert all(map(math.isnan, nan))
 
 

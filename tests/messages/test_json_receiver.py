@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages import TOPIC_OF, Attitude, Estimate, GroundPlane, Health, Refusal, Source, Status
+from messages import TOPIC_OF, Attitude, Estimate, GroundPlane, Health, Motion, Refusal, Source, Status
 from messages.codec import encode_line
 from messages.json_receiver import LONGEST_PAYLOAD_BYTES, JsonReceiver, Received
-from tests.bench.can_samples import NAN, attitude, ground, health, invalid_ground, stamp
+from tests.bench.can_samples import NAN, attitude, ground, health, invalid_ground, motion, stamp
 
 HERE, ELSEWHERE = "this boot", "another machine's boot"
 T0_NS = 50_000_000_000
@@ -162,15 +162,34 @@ def test_a_slow_topic_needs_three_periods_of_silence() -> None:
     assert isinstance(told(13, 0), Received)
 
 
-@pytest.mark.parametrize("sample", [attitude(), health()], ids=["attitude", "health"])
-def test_the_other_topics_pass_too(sample: Attitude | Health) -> None:
+TIMES = {Attitude: "t_sample_ns", Motion: "t_exposure_ns", Health: "t_ns"}
+
+
+@pytest.mark.parametrize("sample", [attitude(), motion(), health()], ids=["attitude", "motion", "health"])
+def test_the_other_topics_pass_too(sample: Attitude | Motion | Health) -> None:
     listening: JsonReceiver[Estimate] = JsonReceiver(type(sample), "unit-1", boot_id=HERE)
     t_ns = 5_000_000_000
-    sample = msgspec.structs.replace(sample, **{"t_ns" if isinstance(sample, Health) else "t_sample_ns": t_ns})
+    sample = msgspec.structs.replace(sample, **{TIMES[type(sample)]: t_ns})
     stamped = stamp(boot_id=HERE, t_publish_ns=t_ns, age_s=0.0)
     found = listening.feed(encode_line(TOPIC_OF[type(sample)], sample, stamped), t_ns, t_ns)
     assert isinstance(found, Received)
     assert found.message == sample
+
+
+@pytest.mark.parametrize(
+    "missing",
+    [
+        {"distance_m": NAN},
+        {"distance_var_m2": -1.0},
+        {"velocity_H_mps": (1.0, NAN, 0.0)},
+        {"rate_cov_H": (1.0, 0.0, 0.0, -1.0, 0.0, 1.0)},
+    ],
+)
+def test_a_valid_motion_without_a_number_is_refused(missing: dict[str, object]) -> None:
+    listening: JsonReceiver[Motion] = JsonReceiver(Motion, "unit-1", boot_id=HERE)
+    data = encode_line(TOPIC_OF[Motion], motion(**missing), stamp(boot_id=HERE))
+    t_ns = stamp().t_publish_ns
+    assert listening.feed(data, t_ns, t_ns) is Refusal.NOT_AVAILABLE
 
 
 def changed(**fields: object) -> bytes:

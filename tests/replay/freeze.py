@@ -18,7 +18,7 @@ from daemon.pipeline import Pipeline
 from daemon.replay import replay
 from messages import Calibration, Frame, ImuSample, Input
 from perception.ground.foothold import FootholdSettings
-from sim_rig.walk.gait import Stand, Walk
+from sim_rig.walk.legs import Stand, Walk
 from sim_rig.walk.scenario import Scenario
 from sim_rig.walk.world import WorldBuilder
 from sim_rig.wearer import SimulatedWearer
@@ -85,6 +85,16 @@ def _scales(line: dict[str, Any]) -> dict[str, Any]:
     if line["topic"] == "attitude":  # about no single axis: at first the yaw, arbitrary, has no deviation
         variance = np.array(line["rotation_cov_W_rad2"])[_DIAGONAL].sum()
         return {"q_WB": np.sqrt(variance), "rotation_cov_W_rad2": variance}
+    if line["topic"] == "motion":
+        velocity, rate = (np.sqrt(np.array(line[name])[_DIAGONAL]) for name in ("velocity_cov_H", "rate_cov_H"))
+        return {
+            "velocity_H_mps": velocity,
+            "rate_H_radps": rate,
+            "distance_m": np.sqrt(line["distance_var_m2"]),
+            "velocity_cov_H": np.outer(velocity, velocity)[np.triu_indices(3)],
+            "rate_cov_H": np.outer(rate, rate)[np.triu_indices(3)],
+            "distance_var_m2": line["distance_var_m2"],
+        }
     ground = np.sqrt(np.array(line["covariance"])[_DIAGONAL])
     fields = ("slope_sagittal_rad", "slope_frontal_rad", "height_m")
     return {"covariance": np.outer(ground, ground)[np.triu_indices(3)], **dict(zip(fields, ground, strict=True))}

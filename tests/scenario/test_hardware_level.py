@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from contextlib import closing
 
 import can
+import cv2
+import numpy as np
 import pytest
 
 from daemon.pipeline import Pipeline
@@ -48,9 +50,11 @@ def heard(bus: can.BusABC, receiver: GroundReceiver) -> list[ReceivedGround]:
 
 
 def test_a_standing_wearer_is_heard_on_can_and_an_unplugged_camera_falls_silent(wearer: SimulatedWearer) -> None:
-    # two pictures by turns, of which every third is taken: a wearer who stands sways by millimetres
-    (one, truth), (other, _) = wearer.frames(2)
-    node = V4l2Node(lambda frame: (other.left, other.right) if frame % 2 else (one.left, one.right), LinuxKernel())
+    # one picture with noise that changes, of which every third is taken: a wearer who stands sways by millimetres
+    ((still, truth),) = wearer.frames(1)
+    noise = np.random.default_rng(1).integers(0, 3, (2, 2, *still.left.shape), dtype=np.uint8)
+    pictures = [(cv2.add(still.left, left), cv2.add(still.right, right)) for left, right in noise]
+    node = V4l2Node(lambda frame: pictures[frame % 2], LinuxKernel())
     imu = Mpu6050(wearer.imu_bus, settings=Mpu6050Settings())
     imu.open()
     stereo = wearer.calibration.stereo

@@ -66,7 +66,7 @@ def test_every_group_of_the_unit_is_made_and_joined() -> None:
 def test_the_default_configuration_is_valid_and_on_real_devices() -> None:
     configuration = load_configuration(SYSTEMD / "gaiteyes.toml")
     on_can = CanSettings(interface=CanInterface.SOCKETCAN, channel="can0")
-    assert configuration == Configuration(can=on_can)
+    assert configuration == Configuration(can=on_can, learnt="/var/lib/gaiteyes/learnt.json")
 
 
 @pytest.mark.parametrize("prefix", ["/usr", "/usr/local"])

@@ -8,7 +8,8 @@ import numpy as np
 from lab.hidden.case import Case, log_uniform
 from lab.hidden.wearable.recording import FRAME_NS, Scene
 from sim_rig.unit import Unit, draw_unit
-from sim_rig.walk.gait import Gait, Stand, Walk
+from sim_rig.walk.gait import Gait
+from sim_rig.walk.legs import Stand, Walk
 from sim_rig.walk.world import World, WorldBuilder
 
 FRAMES = 100

@@ -13,10 +13,22 @@ import zenoh
 
 from drivers.boot_id import read_boot_id
 from drivers.zenoh.listener import WAITING_PAYLOADS, Listener, listen
-from messages import TOPIC_OF, Attitude, DropCause, Estimate, GroundPlane, Health, Refusal, Source, Status, UserError
+from messages import (
+    TOPIC_OF,
+    Attitude,
+    DropCause,
+    Estimate,
+    GroundPlane,
+    Health,
+    Motion,
+    Refusal,
+    Source,
+    Status,
+    UserError,
+)
 from messages.codec import encode_line
 from messages.json_receiver import LONGEST_PAYLOAD_BYTES, Received
-from tests.bench.can_samples import attitude, ground, health, invalid_ground, stamp
+from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion, stamp
 from tests.bench.zenoh_peer import PATIENCE_POLLS, POLL_S, free_endpoint
 
 KEY = "gaiteyes/unit-1/ground/v1"
@@ -263,6 +275,7 @@ def test_a_service_that_comes_back_is_found_again(endpoint: str) -> None:
 SAMPLES: dict[type[Estimate], tuple[Estimate, str]] = {
     Attitude: (attitude(), "t_sample_ns"),
     GroundPlane: (ground(), "t_exposure_ns"),
+    Motion: (motion(), "t_exposure_ns"),
     Health: (health(), "t_ns"),
 }
 
@@ -311,5 +324,5 @@ def test_nobody_to_connect_to_is_one_clear_line(connect: str) -> None:
     ],
 )
 def test_a_topic_that_is_none_is_one_clear_line(topic: str, device: str | None) -> None:
-    with pytest.raises(UserError, match="TOPIC one of attitude, ground, health"):
+    with pytest.raises(UserError, match="TOPIC one of attitude, ground, motion, health"):
         listen(topic, device)

@@ -1,0 +1,146 @@
+"""What the camera saw of its own motion, as a measurement of the attitude filter: told late, between two exposures.
+
+Over a step from 0 to 1, T long, the odometer saw the camera turn by φ and travel by d, both in B₀. With p the
+displacement of B since 0, l where in B the camera is, q = p + R₁ l, s the error of the scale of its distances, m the
+small turn of the camera on its mount, ρ the rate at which the ground turns about the vertical and λ how much later than
+stamped the pictures are, in W:
+
+    R₀ (1 + [m]×) d = (1 + s)(q − R₀ l) + λ (v₁ − v₀) + n_d,
+    R₀ exp(φ + m × φ) R₀ᵀ = exp(−ρ T e_z) R₁ R₀ᵀ exp(λ (ω₁ − ω₀) + n_φ)                                        (5)
+
+With invariant errors θ₀, θ₁ of both attitudes and δp, the innovations depend on them by
+
+    y_d = (θ₁ − θ₀) × q + δp + (q − R₀ l) δs + R₀ (d × δm) + (v₁ − v₀) δλ,
+    y_φ = θ₁ − θ₀ − T e_z δρ + R₀ (φ × δm) + (ω₁ − ω₀) δλ                                                      (6)
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from messages import Vec3
+from messages.arrays import FloatArray
+from perception import so3, vec3
+from perception.attitude.agreement import Innovation
+from perception.attitude.causes import PARTS, follow_ground, look_for_causes, squares
+from perception.attitude.kalman import (
+    BEGINNING,
+    GROUND_TURN,
+    LAG,
+    MOUNT,
+    ROTATION,
+    SCALE,
+    SIZE,
+    TRAVEL,
+    AttitudeKalman,
+    fuse,
+)
+from perception.attitude.state import AttitudeState, CameraStepSettings
+
+
+@dataclass(frozen=True)
+class CameraStep:
+    """The turn (rotation vector, rad) and the travel (m) of the camera between two instants, both (3,) in B as it was
+    at the first. `covariance` (6, 6) is that of both, turn first; `p_BC_m` is where in B the camera's centre is."""
+
+    t_before_ns: int
+    t_after_ns: int
+    turn_B: Vec3
+    travel_B: Vec3
+    covariance: FloatArray
+    p_BC_m: Vec3
+
+    @property
+    def duration_s(self) -> float:
+        """Return how long the step lasted."""
+        return 1e-9 * (self.t_after_ns - self.t_before_ns)
+
+
+def begin_step(kalman: AttitudeKalman, state: AttitudeState) -> None:
+    """Let a step of the camera begin at the newest sample: p = 0, and the attitude of now, with its error, is R₀."""
+    kalman.correct(state)
+    state.travel_W, state.q_WB_beginning = vec3.ZERO, state.q_WB
+    state.v_W_beginning, state.w_W_beginning = state.v_W, _rate_W(kalman, state)
+    P = state.covariance
+    P[TRAVEL, :] = P[:, TRAVEL] = 0.0
+    P[BEGINNING, :] = P[ROTATION, :]
+    P[:, BEGINNING] = P[:, ROTATION]
+
+
+def measure_step(
+    kalman: AttitudeKalman, state: AttitudeState, step: CameraStep, *, believed: bool = True
+) -> Innovation | None:
+    """Take (5) where a step began at its first instant and the newest sample is at its second; look for what
+    contradicts it.
+
+    Where the IMU is not `believed`, nothing is corrected. Returns what the step said; None where no step began.
+    """
+    if state.q_WB_beginning is None:
+        return None
+    kalman.correct(state)
+    settings = kalman.settings.camera
+    H, innovation, noise = _measured(kalman, state, step)
+    likely = H @ state.covariance @ H.T + noise
+    explained = believed and look_for_causes(kalman, state, step.duration_s, innovation, likely, H)
+    if explained:
+        likely = H @ state.covariance @ H.T + noise
+    if believed and squares(innovation, likely) <= settings.refused_sigmas**2:
+        fuse(state, H, innovation, _robust(noise, innovation, likely, settings))
+        state.without_camera_s = 0.0
+    follow_ground(state, step.duration_s, settings)
+    turned_W = so3.matrix_from_quaternion(state.q_WB) @ np.array(step.turn_B)
+    turn_squares, travel_squares = (squares(innovation[part], likely[part, part]) / 3.0 for part in PARTS)
+    return Innovation(step.duration_s, turned_W, innovation[:3], turn_squares, travel_squares, explained)
+
+
+def _rate_W(kalman: AttitudeKalman, state: AttitudeState) -> Vec3:
+    return so3.transform(so3.rows_from_quaternion(state.q_WB), kalman.rate(state, state.w_measured))
+
+
+def _measured(
+    kalman: AttitudeKalman, state: AttitudeState, step: CameraStep
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return H (6, SIZE) of (6), the innovation (6,) of (5) and the noise's covariance (6, 6), turn first, in W."""
+    R0, R1 = so3.matrix_from_quaternion(state.q_WB_beginning or so3.IDENTITY), so3.matrix_from_quaternion(state.q_WB)
+    turn_B, travel_B = (_turned(np.array(seen), state.mount_B) for seen in (step.turn_B, step.travel_B))
+    lever = np.array(step.p_BC_m)
+    q = np.array(state.travel_W) + R1 @ lever
+    travel_W = q - R0 @ lever
+    H = np.zeros((6, SIZE))
+    H[:3, ROTATION], H[:3, BEGINNING] = np.eye(3), -np.eye(3)
+    H[:3, GROUND_TURN] = [[0.0], [0.0], [-step.duration_s]]
+    H[:3, MOUNT] = R0 @ so3.skew(turn_B)
+    H[3:, ROTATION], H[3:, BEGINNING], H[3:, TRAVEL] = -so3.skew(q), so3.skew(q), np.eye(3)
+    H[3:, SCALE.start] = travel_W
+    H[3:, MOUNT] = R0 @ so3.skew(travel_B)
+    H[:, LAG.start] = by_lag = _by_lag(kalman, state, R0 @ lever, R1 @ lever)
+    ground_turned = so3.exp(np.array((0.0, 0.0, state.ground.turn_radps * step.duration_s)))
+    seen_W = ground_turned @ R0 @ so3.exp(turn_B) @ R1.T
+    innovation = np.concatenate((so3.log(seen_W), R0 @ travel_B - (1.0 + state.scale) * travel_W))
+    innovation -= state.lag_s * by_lag
+    to_W = kalman.settings.camera.noise_factor * np.kron(np.eye(2), R0)
+    return H, innovation, to_W @ step.covariance @ to_W.T
+
+
+def _by_lag(kalman: AttitudeKalman, state: AttitudeState, lever_0_W: FloatArray, lever_1_W: FloatArray) -> FloatArray:
+    """Return how turn and travel (6,) change with the time of a step: (ω₁ − ω₀, v₁ − v₀) of the camera."""
+    w_0, w_1 = np.array(state.w_W_beginning), np.array(_rate_W(kalman, state))
+    v_0 = np.array(state.v_W_beginning) + np.cross(w_0, lever_0_W)
+    v_1 = np.array(state.v_W) + np.cross(w_1, lever_1_W)
+    return np.concatenate((w_1 - w_0, v_1 - v_0))
+
+
+def _robust(noise: FloatArray, innovation: FloatArray, likely: FloatArray, settings: CameraStepSettings) -> FloatArray:
+    """Return the noise as large as makes a turn or travel count for no more than `usual_sigmas` (Huber)."""
+    turn, travel = (
+        max(1.0, math.sqrt(squares(innovation[part], likely[part, part])) / settings.usual_sigmas) for part in PARTS
+    )
+    by = np.repeat((turn, travel), 3)
+    larger: FloatArray = by[:, None] * noise * by
+    return larger
+
+
+def _turned(vector_B: FloatArray, mount_B: Vec3) -> FloatArray:
+    turned: FloatArray = vector_B + np.cross(mount_B, vector_B)
+    return turned

@@ -1,0 +1,190 @@
+"""Why steps of the camera contradict the filter: a bias that jumps, a ground that moves, a camera that slips.
+
+Noise of odometry and errors of the filter explain each innovation y of a step of T; that many in a row lean one way,
+they do not. With L the innovations' covariance and G what a cause does to them,
+
+    S_k = exp(−T/τ) S_(k−1) + Gᵀ L⁻¹ y_k                                                                       (7)
+
+tells, beyond its own deviation, of a turn (the gyroscope's bias has jumped, or the ground turns), of a travel (the
+ground accelerates: a bus, a lift) or of a camera that has slipped on its mount. What the likeliest cause would change
+is then let free in the filter, whose next steps say how much it is.
+"""
+
+import math
+
+import numpy as np
+
+from messages.arrays import FloatArray
+from perception import vec3
+from perception.attitude.kalman import (
+    GROUND,
+    GROUND_TURN,
+    GYRO_BIAS,
+    MOUNT,
+    ROTATION,
+    SCALE,
+    VELOCITY,
+    AttitudeKalman,
+    ground_var,
+)
+from perception.attitude.state import AttitudeState, CameraStepSettings, Contradiction, Contradictions, GroundMotion
+
+
+def look_for_causes(
+    kalman: AttitudeKalman,
+    state: AttitudeState,
+    duration_s: float,
+    innovation: FloatArray,
+    likely: FloatArray,
+    H: FloatArray,
+) -> bool:
+    """Take an innovation (6,), turn first, of covariance `likely` (6, 6), into (7); let free what explains the sums
+    best, if one is unlikely. Returns whether something was let free. H (6, SIZE) is that of the measurement."""
+    settings, found = kalman.settings.camera, state.contradictions
+    information: FloatArray = np.linalg.inv(likely).astype(np.float64, copy=False)
+    bounded: FloatArray = np.concatenate(
+        [_bounded(innovation[p], likely[p, p], settings.counted_sigmas) for p in PARTS]
+    )
+    by_slip = np.vstack((H[:3, MOUNT], np.zeros((3, 3))))  # what it does to the travel, a start does as well
+    fade, slow_fade = (math.exp(-duration_s / each_s) for each_s in (settings.memory_s, settings.slip_memory_s))
+    state.explained_s += duration_s
+    turn = _add(found.turn, fade, _BY_TURN, information, bounded) / settings.far_sigmas**2
+    travel = _add(found.travel, fade, _BY_TRAVEL, information, bounded) / settings.far_sigmas**2
+    slip = _add(found.slip, slow_fade, by_slip, information, bounded) / settings.slip_sigmas**2
+    most = max(turn, travel, slip)
+    if most <= 1.0 or state.explained_s < settings.explain_again_s:
+        return False
+    if most == turn:
+        _doubt_turn(kalman, state, duration_s)
+    elif most == travel:
+        _doubt_ground(state, settings)
+    else:
+        state.covariance[MOUNT, MOUNT] += np.eye(3) * settings.slip_rad**2
+    state.contradictions, state.explained_s = Contradictions(), 0.0
+    return True
+
+
+def _bounded(innovation: FloatArray, likely: FloatArray, most_sigmas: float) -> FloatArray:
+    """Return an innovation (3,) of covariance `likely` (3, 3), shortened to `most_sigmas`."""
+    sigmas = math.sqrt(squares(innovation, likely))
+    shortened: FloatArray = innovation * min(1.0, most_sigmas / max(sigmas, 1.0))
+    return shortened
+
+
+def squares(innovation: FloatArray, likely: FloatArray) -> float:
+    """Return the square of an innovation (n,) over its covariance `likely` (n, n)."""
+    return float(innovation @ np.linalg.solve(likely, innovation))
+
+
+def _add(
+    found: Contradiction, fade: float, cause: FloatArray, information: FloatArray, innovation: FloatArray
+) -> float:
+    """Take one innovation into (7), with G = `cause` (6, 3); return the square of the sum over its deviation."""
+    weight = cause.T @ information
+    found.total = fade * found.total + weight @ innovation
+    found.covariance = fade**2 * found.covariance + weight @ cause
+    return float(found.total @ np.linalg.lstsq(found.covariance, found.total, rcond=_RCOND)[0])
+
+
+def _doubt_turn(kalman: AttitudeKalman, state: AttitudeState, duration_s: float) -> None:
+    """Let the gyroscope's bias be unknown; and the ground turn, where it would do so faster than biases jump."""
+    settings, P, turn = kalman.settings, state.covariance, state.contradictions.turn
+    P[GYRO_BIAS, GYRO_BIAS] += np.eye(3) * settings.gyro_bias_radps**2
+    P[ROTATION, ROTATION] += np.diag((1.0, 1.0, 0.0)) * settings.camera.jump_tilt_rad**2
+    rate_radps = turn.total[2] / turn.covariance[2, 2] / duration_s
+    if abs(rate_radps) > settings.camera.least_ground_turn_radps:
+        _doubt_ground(state, settings.camera)
+
+
+def _doubt_ground(state: AttitudeState, settings: CameraStepSettings) -> None:
+    """Let the ground accelerate and turn: velocity tells little of the vertical now, the gyroscope carries it.
+
+    It tells nothing of the scale of distances, which stays as it is.
+    """
+    P, ground = state.covariance, state.ground
+    ground.usual_square = settings.ground_mps2**2
+    P[GROUND, GROUND] += ground_var(ground.usual_square)
+    P[VELOCITY, VELOCITY] += np.eye(3) * settings.ground_jump_mps**2
+    P[ROTATION, ROTATION] += np.diag((1.0, 1.0, 0.0)) * settings.jump_tilt_rad**2
+    if not ground.moves:
+        ground.moves, ground.frozen_scale_var = True, float(P[SCALE, SCALE][0, 0])
+        P[SCALE, :] = P[:, SCALE] = 0.0
+        P[GROUND_TURN, GROUND_TURN] = settings.ground_turn_radps**2
+    state.ground.calm_s = 0.0
+
+
+def follow_ground(state: AttitudeState, duration_s: float, settings: CameraStepSettings) -> None:
+    """Count how often the ground's acceleration turns round; let it be at rest again once that is small for long."""
+    ground = state.ground
+    if not ground.moves:
+        return
+    _count_reversals(ground, duration_s, settings)
+    calm = math.hypot(*ground.acceleration_W) < settings.ground_at_rest_mps2
+    calm = calm and abs(ground.turn_radps) < settings.ground_at_rest_radps
+    ground.calm_s = ground.calm_s + duration_s if calm else 0.0
+    if ground.calm_s > settings.ground_at_rest_s:
+        state.ground = GroundMotion()
+        state.covariance[SCALE, SCALE] = ground.frozen_scale_var
+        for part in (GROUND, GROUND_TURN):
+            state.covariance[part, :] = state.covariance[:, part] = 0.0
+        state.contradictions = Contradictions()
+
+
+def _count_reversals(ground: GroundMotion, duration_s: float, settings: CameraStepSettings) -> None:
+    ground.reversals *= math.exp(-duration_s / settings.reversal_memory_s)
+    along = vec3.dot(ground.acceleration_W, ground.extreme_W)
+    if along < -settings.reversal_mps2 * math.hypot(*ground.extreme_W):
+        ground.reversals += 1.0
+        ground.extreme_W = ground.acceleration_W
+    elif vec3.square(ground.acceleration_W) > vec3.square(ground.extreme_W):
+        ground.extreme_W = ground.acceleration_W
+    most = settings.few_reversals if ground.goes_to_and_fro else settings.most_reversals
+    ground.goes_to_and_fro = ground.reversals > most
+
+
+def ground_is_plausible(kalman: AttitudeKalman, state: AttitudeState) -> bool:
+    """Return whether the ground moves as one may: if not, the accelerometer is wrong."""
+    settings, ground = kalman.settings.camera, state.ground
+    if ground.goes_to_and_fro:
+        return False
+    deviations = np.sqrt(np.diag(state.covariance[GROUND, GROUND])).tolist()
+    known = [abs(a) - _FAR_SIGMAS * sigma for a, sigma in zip(ground.acceleration_W, deviations, strict=True)]
+    drives = zip(known, settings.most_ground_mps2, strict=True)
+    speeds = zip(ground.velocity_W, settings.most_ground_mps, strict=True)
+    return all(abs(value) <= most for value, most in (*drives, *speeds))
+
+
+def has_slipped(kalman: AttitudeKalman, state: AttitudeState) -> bool:
+    """Return whether the camera is known to have turned on its mount by more than the calibration allows."""
+    settings = kalman.settings.camera
+    deviation_rad = math.sqrt(float(np.diag(state.covariance[MOUNT, MOUNT]).max()))
+    likely_rad = _FAR_SIGMAS * (kalman.mount_rad + deviation_rad)
+    return math.hypot(*state.mount_B) > settings.most_slip_rad + likely_rad
+
+
+PARTS = (slice(0, 3), slice(3, 6))
+"""Turn and travel in an innovation."""
+
+
+def distances_are_plausible(kalman: AttitudeKalman, state: AttitudeState) -> bool:
+    """Return whether the scale of the camera's distances may be what the calibration leaves."""
+    return abs(state.scale) <= _FAR_SIGMAS * (kalman.calibrated_scale + _scale_deviation(kalman, state))
+
+
+def distance_scale(kalman: AttitudeKalman, state: AttitudeState) -> float:
+    """Return by what share the camera's distances are likely too long: what was found, by its weight beside what the
+    calibration leaves."""
+    calibrated_var, found_var = kalman.calibrated_scale**2, _scale_deviation(kalman, state) ** 2
+    return calibrated_var / (calibrated_var + found_var) * state.scale
+
+
+def _scale_deviation(kalman: AttitudeKalman, state: AttitudeState) -> float:
+    return math.hypot(math.sqrt(float(state.covariance[SCALE, SCALE][0, 0])), kalman.least_scale)
+
+
+_FAR_SIGMAS = 3.0
+"""Standard deviations that an error of the calibration, or of an estimate, may have."""
+_BY_TURN, _BY_TRAVEL = np.eye(6)[:, :3], np.eye(6)[:, 3:]
+"""G of (7) for a turn and a travel in W, each (6, 3)."""
+_RCOND = 1e-9
+"""Below this share of the largest, a direction of a cause has not shown at all."""

@@ -1,0 +1,48 @@
+"""What the attitude filter expects the camera to see next."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from messages import Vec3, vec3
+from messages.arrays import FloatArray
+from perception import so3
+from perception.attitude.kalman import GYRO_BIAS, VELOCITY, AttitudeKalman
+from perception.attitude.state import AttitudeState
+
+
+@dataclass(frozen=True)
+class MotionForetold:
+    """The motion of B over the ground, as of `t_ns`, in B as it is then.
+
+    `v_B_mps` is its velocity. At rest on that ground the IMU would measure the rate `w_at_rest_radps`, its bias and how
+    the ground turns, and the specific force `sf_at_rest_mps2`, its bias, gravity and how the ground accelerates.
+    `covariance` (6, 6) is that of the rate at rest and of the velocity.
+    """
+
+    t_ns: int
+    w_at_rest_radps: Vec3
+    sf_at_rest_mps2: Vec3
+    v_B_mps: Vec3
+    covariance: FloatArray
+
+
+def foretold(kalman: AttitudeKalman, state: AttitudeState) -> MotionForetold | None:
+    """Return what `state` makes of the motion; None while the tilt is not known."""
+    if state.t_ns is None or not kalman.knows_tilt(state, kalman.settings.usable_tilt_rad):
+        return None
+    ground = state.ground
+    R_BW = so3.matrix_from_quaternion(state.q_WB).T
+    at_rest_W = np.array(ground.acceleration_W) + kalman.settings.gravity_mps2 * _UP
+    to_B = np.kron(np.diag((0.0, 1.0)), R_BW) + np.kron(np.diag((1.0, 0.0)), np.eye(3))
+    known = np.r_[GYRO_BIAS, VELOCITY]
+    return MotionForetold(
+        state.t_ns,
+        vec3(np.array(state.gyro_bias) + ground.turn_radps * R_BW[:, 2]),
+        vec3(np.array(state.sf_bias) + R_BW @ at_rest_W),
+        vec3(R_BW @ np.array(state.v_W)),
+        to_B @ state.covariance[np.ix_(known, known)] @ to_B.T,
+    )
+
+
+_UP = np.array([0.0, 0.0, 1.0])

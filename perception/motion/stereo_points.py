@@ -1,0 +1,158 @@
+"""Corners of a stereo pair as points in space: where they are, and whether both eyes see them on one line."""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from messages import StereoCalibration
+from messages.arrays import Float32Array, FloatArray, GreyImage
+from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
+from perception.depth.rectify import Rectifier, Window
+from perception.motion.corners import Eye, corners, detail, followed, is_ambiguous, reduced_lens
+
+
+@dataclass(frozen=True)
+class View:
+    """One frame: its reduced left picture, corners (N, 2) in it, their points in C (N, 3) and when each was exposed,
+    relative to mid-exposure (N,)."""
+
+    t_exposure_ns: int
+    left: GreyImage
+    corners_px: Float32Array
+    points_C: FloatArray
+    row_time_s: FloatArray
+
+
+class Skew(NamedTuple):
+    """How much lower the right eye sees corners than the calibration says: the median, raw pixels, and by what share
+    that grows with the rows, as it does where one focal length is wrong; NaN where too few agree."""
+
+    px: float
+    growth: float
+
+
+NO_SKEW = Skew(math.nan, math.nan)
+
+
+class StereoPoints:
+    """Finds corners in pictures reduced to about `width_px`, and their points in C.
+
+    Where in the right eye a corner may be, dense matching at half that size tells. A floor of tiles that are all alike
+    repeats itself along the rows: then one disparity is as good as another, all corners may agree on a wrong one, and
+    there are no points.
+    """
+
+    # Pixels are those of the reduced picture, but for the skew itself.
+    width_px = 320
+    least_points = 20  # for a median that outliers do not move
+    most_skew_px = 1.0  # between the eyes' rows: a larger one is a false match
+    most_skew_spread_px = 0.2  # median about the median: more, and the matches do not agree on any skew
+    least_rows_square = 0.3  # Σ y², of corners that lie on rows far enough apart to tell a growth
+    most_ambiguous = 0.85  # of the corners: only tiles have more that look the same elsewhere along the row
+    asked_first, asked_each = 12, 3  # corners of a frame of which that is asked
+    asked_together = 48  # of which the share is taken
+
+    def __init__(self, stereo: StereoCalibration) -> None:
+        self._divisor = max(1, round(stereo.left.width_px / self.width_px))
+        small = msgspec.structs.replace(
+            stereo,
+            left=reduced_lens(stereo.left, self._divisor),
+            right=reduced_lens(stereo.right, self._divisor),
+        )
+        self._coarse = Rectifier(small, 2)
+        self._matcher = SemiGlobalMatcher(self._coarse)
+        far_px, near_px = (self._coarse.f_px * self._coarse.baseline_m / z_m for z_m in _DEPTHS_M)
+        self._search = DisparityRange.covering(far_px, near_px)
+        self.R_LC, self.baseline_m = self._coarse.R_LC, self._coarse.baseline_m
+        self.left = Eye(small.left, self.R_LC.T)
+        self._right = Eye(small.right, self.R_LC.T @ np.array(stereo.X_RL.R).T)
+        self._row_time_s = stereo.row_time_s
+        self._middle_row = (stereo.left.height_px - 1) / 2
+        self._ambiguous, self._asked = 0.0, 0
+        self.longest_row_time_s = stereo.row_time_s * stereo.left.height_px / 2
+
+    def detail(self, image: GreyImage) -> GreyImage:
+        """Return what is followed of a raw picture."""
+        return detail(image, self._divisor)
+
+    def row_times_s(self, points_px: Float32Array) -> FloatArray:
+        """Return when (N,) the rows of reduced pixels (N, 2) were exposed, relative to mid-exposure."""
+        raw_row = self._divisor * (points_px[:, 1].astype(np.float64) + 0.5) - 0.5
+        return (raw_row - self._middle_row) * self._row_time_s
+
+    def view(self, t_exposure_ns: int, left: GreyImage, right: GreyImage) -> tuple[View, Skew]:
+        """Return the points in a pair of reduced pictures, and how the eyes' rows differ."""
+        corners_px = corners(left)
+        rays_C = self.left.rays_C(corners_px) if len(corners_px) else np.empty((0, 3))
+        guess = self._coarse_disparity(left, right, rays_C)
+        known = np.isfinite(guess)
+        corners_px, rays_C, guess = corners_px[known], rays_C[known], guess[known]
+        if len(guess) == 0:
+            return _without_points(t_exposure_ns, left), NO_SKEW
+        away_C = rays_C - np.outer(guess, _X_AXIS)
+        matched_px, good = followed(left, right, corners_px, self._right.pixels(away_C), levels=0)
+        if self._repeats(left, right, corners_px[good], matched_px[good]):
+            return _without_points(t_exposure_ns, left), NO_SKEW
+        seen_C = self._right.rays_C(matched_px)
+        disparity = rays_C[:, 0] - seen_C[:, 0]
+        skew = seen_C[:, 1] - rays_C[:, 1]
+        common = self._common(skew[good], rays_C[good, 1])
+        good &= np.abs(skew) < self.most_skew_px / self.left.f_px
+        good &= np.abs(disparity - guess) < 1.0 / self._coarse.f_px
+        corners_px = corners_px[good]
+        points_C = rays_C[good] * (self._coarse.baseline_m / disparity[good])[:, None]
+        return View(t_exposure_ns, left, corners_px, points_C, self.row_times_s(corners_px)), common
+
+    def _repeats(self, left: GreyImage, right: GreyImage, corners_px: Float32Array, matched_px: Float32Array) -> bool:
+        """Return whether nearly all corners look the same elsewhere along the row, here and in the frames before."""
+        count = self.asked_each if self._asked else self.asked_first
+        if len(corners_px) >= count:
+            asked = np.linspace(0, len(corners_px), count, endpoint=False).astype(np.intp)
+            found = [is_ambiguous(left, right, corners_px[k], matched_px[k]) for k in asked]
+            self._asked = min(self._asked + count, self.asked_together)
+            self._ambiguous += count / self._asked * (float(np.mean(found)) - self._ambiguous)
+        return self._ambiguous > self.most_ambiguous
+
+    def _common(self, skew: FloatArray, y: FloatArray) -> Skew:
+        """Return what `skew` (N,), in units of the focal length, of corners at `y` (N,) has in common."""
+        if len(skew) < self.least_points:
+            return NO_SKEW
+        median = float(np.median(skew))
+        off = np.abs(skew - median)
+        spread = float(np.median(off))
+        if self.left.f_px * spread >= self.most_skew_spread_px:
+            return NO_SKEW
+        near = off < _FAR_SPREADS * spread
+        rows = y[near] - y[near].mean()
+        square = float(rows @ rows)
+        growth = float(rows @ skew[near]) / square if square > self.least_rows_square else math.nan
+        return Skew(self._divisor * self.left.f_px * median, growth)
+
+    def _coarse_disparity(self, left: GreyImage, right: GreyImage, rays_C: FloatArray) -> FloatArray:
+        """Return the disparity (N,) of rays (N, 3), in units of the focal length, to a pixel; NaN where unknown."""
+        coarse = self._coarse
+        whole = Window(0, coarse.height_px, 0, coarse.width_px)
+        disparity_px = self._matcher.match(left, right, whole, self._search)
+        u = np.rint(coarse.f_px * rays_C[:, 0] + coarse.cx_px).astype(np.intp)
+        v = np.rint(coarse.f_px * rays_C[:, 1] + coarse.cy_px).astype(np.intp)
+        inside = (u >= 0) & (u < coarse.width_px) & (v >= 0) & (v < coarse.height_px)
+        found = np.full(len(rays_C), np.nan)
+        found[inside] = disparity_px[v[inside], u[inside]] / coarse.f_px
+        found[found < _LEAST_DISPARITY_PX / coarse.f_px] = np.nan
+        return found
+
+
+def _without_points(t_exposure_ns: int, left: GreyImage) -> View:
+    return View(t_exposure_ns, left, np.empty((0, 2), np.float32), np.empty((0, 3)), np.empty(0))
+
+
+_FAR_SPREADS = 6.0
+"""Median deviations beyond which a corner's skew is a false match's: 4 σ."""
+_X_AXIS = np.array([1.0, 0.0, 0.0])
+_DEPTHS_M = (3.0, 0.65)
+"""Farthest and nearest that is looked for, and a little beyond: ground and stairs from a hip that looks down."""
+_LEAST_DISPARITY_PX = 1.5
+"""Of the coarse picture: with less, depth is hardly known at all."""

@@ -1,0 +1,52 @@
+"""Steps of the camera in the filter: as good as all of them at once."""
+
+import numpy as np
+import pytest
+
+from messages import Status
+from perception.attitude.track import AttitudeTrack
+from perception.motion.ego_motion import EgoMotion
+from tests.bench.attitude_batch import solve
+from tests.bench.seen_motion import WALKING_NS, SampleAt, arrivals_until, gait
+from tests.bench.told_track import CALIBRATION, camera_step, follow, measured
+
+S = 1_000_000_000
+
+
+def tilt_deg(R_WB: np.ndarray, true_R_WB: np.ndarray) -> float:
+    return float(np.degrees(np.arccos(min(1.0, float(R_WB[2] @ true_R_WB[2])))))
+
+
+@pytest.mark.parametrize("seed", [5, 8])
+def test_the_filter_agrees_with_a_batch_over_the_same_motion(seed: int) -> None:
+    """The batch is told the last two seconds only, the filter all: they differ by what either does not know."""
+    end_ns, walk = WALKING_NS + 3 * S, gait(seed)
+    arrived = list(arrivals_until(end_ns, seed))
+    track = AttitudeTrack(CALIBRATION)
+    samples = [each for each in arrived if isinstance(each, SampleAt)]
+    steps = [camera_step(each) for each in arrived if isinstance(each, EgoMotion)]
+    seq, newest = 0, None
+    for each in arrived:
+        if isinstance(each, SampleAt):
+            seq, newest = seq + 1, track.add_sample(measured(each, seq))
+        else:
+            track.add_camera_step(camera_step(each))
+    assert newest is not None
+    assert newest.status is Status.VALID
+    last_ns = steps[-1].t_after_ns
+    begin_ns = last_ns - 2 * S
+    filtered = track.at(last_ns)
+    assert filtered is not None
+    part = [sample for sample in samples if begin_ns <= sample.t_ns <= last_ns]
+    told = [step for step in steps if step.t_before_ns >= begin_ns]
+    guess = walk.at(np.array([part[0].t_ns])).R_WB[0]
+    batch = solve(part, told, guess, CALIBRATION.residual)
+    truth = walk.at(np.array([last_ns])).R_WB[0]
+    assert tilt_deg(batch.R_WB[-1], truth) < 0.4
+    assert tilt_deg(filtered.R_WB, truth) < 0.4
+    assert tilt_deg(filtered.R_WB, batch.R_WB[-1]) < 0.4
+
+
+def test_a_start_is_no_tilt_where_the_camera_sees_it() -> None:
+    walking = [step.tilt_deg for step in follow(WALKING_NS + 2 * S) if step.t_ns > WALKING_NS - S]
+    assert float(np.sqrt(np.mean(np.square(walking)))) < 0.25

@@ -1,0 +1,115 @@
+"""Why steps of the camera contradict: a bias that jumps, a ground that moves, a camera that slips, a wrong scale."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from messages import Reason, vec3
+from perception.motion.ego_motion import EgoMotion
+from tests.bench.seen_motion import R_BC, WALKING_NS, SampleAt, gait
+from tests.bench.told_track import Alter, Followed, follow
+
+S = 1_000_000_000
+WALK = gait(5)
+
+
+def _since_walking_s(t_ns: int) -> float:
+    return 1e-9 * (t_ns - WALKING_NS)
+
+
+def rated(w_B_radps: tuple[float, float, float]) -> Alter:
+    """Return samples whose gyroscope's bias has jumped a second after full pace."""
+
+    def alter(arrival: SampleAt | EgoMotion) -> SampleAt | EgoMotion:
+        if isinstance(arrival, EgoMotion) or _since_walking_s(arrival.t_ns) < 1.0:
+            return arrival
+        return replace(arrival, w_B_radps=vec3(np.add(arrival.w_B_radps, w_B_radps)))
+
+    return alter
+
+
+def riding(acceleration_W: Callable[[float], np.ndarray], turn_radps: Callable[[float], float]) -> Alter:
+    """Return samples as on a ground that accelerates and turns about the vertical, by the seconds since full pace."""
+
+    def alter(arrival: SampleAt | EgoMotion) -> SampleAt | EgoMotion:
+        if isinstance(arrival, EgoMotion):
+            return arrival
+        t_s, R_BW = _since_walking_s(arrival.t_ns), WALK.at(np.array([arrival.t_ns])).R_WB[0].T
+        return replace(
+            arrival,
+            sf_B_mps2=vec3(arrival.sf_B_mps2 + R_BW @ acceleration_W(t_s)),
+            w_B_radps=vec3(arrival.w_B_radps + R_BW @ (0.0, 0.0, turn_radps(t_s))),
+        )
+
+    return alter
+
+
+def remounted(angle_rad: float, axis_B: tuple[float, float, float]) -> Alter:
+    """Return what is seen by a camera that turns on its mount, about the IMU, a second after full pace."""
+    x, y, z = angle_rad * np.array(axis_B)
+    turn = np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
+    R = R_BC.T @ turn.T @ R_BC
+
+    def alter(arrival: SampleAt | EgoMotion) -> SampleAt | EgoMotion:
+        if isinstance(arrival, SampleAt) or _since_walking_s(arrival.t_before_ns) < 1.0:
+            return arrival
+        return replace(arrival, w_C_radps=R @ arrival.w_C_radps, v_C_mps=R @ arrival.v_C_mps)
+
+    return alter
+
+
+def pulse(t_s: float, from_s: float, to_s: float) -> float:
+    """Return 1 between two instants, reached within 0.5 s."""
+    return float(np.clip((t_s - from_s) / 0.5, 0.0, 1.0) - np.clip((t_s - to_s) / 0.5, 0.0, 1.0))
+
+
+def worst(followed: list[Followed], since_s: float = 0.0) -> float:
+    return max(step.tilt_deg for step in followed if _since_walking_s(step.t_ns) > since_s)
+
+
+@pytest.mark.parametrize("jump_degps", [(1.5, 0.0, 0.0), (0.0, -1.0, 0.0), (-1.0, 1.0, 1.0)])
+def test_a_bias_that_jumps_is_followed_without_an_alarm(jump_degps: tuple[float, float, float]) -> None:
+    x, y, z = np.radians(jump_degps)
+    followed = follow(WALKING_NS + 6 * S, rated((x, y, z)))
+    assert {step.reason for step in followed} == {Reason.NONE}
+    assert worst(followed) < 1.2
+    assert worst(followed, since_s=4.5) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("acceleration", "turn_degps"),
+    [((1.2, 0.0, 0.0), 0.0), ((0.0, 0.3, 0.0), 0.0), ((0.0, 0.0, 1.0), 0.0), ((0.0, 1.5, 0.0), 20.0)],
+    ids=["bus", "slow bus", "lift", "bus that turns"],
+)
+def test_a_ground_that_moves_is_noticed_and_the_gyroscope_carries_the_vertical(
+    acceleration: tuple[float, float, float], turn_degps: float
+) -> None:
+    a_W, w = np.array(acceleration), np.radians(turn_degps)
+    ride = riding(lambda t_s: a_W * pulse(t_s, 1.0, 4.0), lambda t_s: w * pulse(t_s, 1.0, 4.0))
+    followed = follow(WALKING_NS + 6 * S, ride)
+    assert sum(step.reason is not Reason.NONE for step in followed) < 0.1 * len(followed)
+    assert any(step.ground_moves for step in followed)
+    assert worst(followed) < 1.0
+
+
+@pytest.mark.parametrize("axis_B", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_a_camera_that_slips_by_three_degrees_is_noticed_in_three_seconds(axis_B: tuple[float, float, float]) -> None:
+    followed = follow(WALKING_NS + 5 * S, remounted(np.radians(3.0), axis_B))
+    flagged = [_since_walking_s(step.t_ns) for step in followed if step.reason is not Reason.NONE]
+    assert 1.0 < flagged[0] < 4.0
+    assert followed[-1].reason is Reason.CAMERA_SLIPPED
+
+
+def test_distances_that_are_too_long_are_found_out() -> None:
+    def longer(arrival: SampleAt | EgoMotion) -> SampleAt | EgoMotion:
+        return arrival if isinstance(arrival, SampleAt) else replace(arrival, v_C_mps=1.03 * arrival.v_C_mps)
+
+    found, usual = follow(WALKING_NS + 6 * S, longer)[-1], follow(WALKING_NS + 6 * S)[-1]
+    assert found.scale > usual.scale + 0.0002
+
+
+def test_an_accelerometer_that_drives_as_no_ground_does_is_wrong() -> None:
+    followed = follow(WALKING_NS + 4 * S, riding(lambda t_s: np.array((8.0, 0.0, 0.0)) * (t_s > 1.0), lambda _: 0.0))
+    assert followed[-1].reason is Reason.IMU_INCONSISTENT

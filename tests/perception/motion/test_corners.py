@@ -1,0 +1,52 @@
+"""Corners and the pictures they are found in: spread, faint or differently bright, and alike along a row."""
+
+import cv2
+import numpy as np
+import pytest
+
+from messages.arrays import GreyImage
+from perception.motion.corners import corners, detail, is_ambiguous, tracked
+
+
+def texture(seed: int, height: int = 720, width: int = 1280) -> GreyImage:
+    noise = np.random.default_rng(seed).standard_normal((height, width)).astype(np.float32)
+    surface = cv2.GaussianBlur(noise, (0, 0), 6.0)
+    grey: GreyImage = np.clip(120.0 + 20.0 * surface / surface.std(), 0, 255).astype(np.uint8)
+    return grey
+
+
+def test_corners_are_spread_over_the_picture_however_uneven_its_contrast() -> None:
+    picture = texture(1)
+    bold = picture.copy()
+    bold[:180] = np.clip((picture[:180].astype(np.float32) - 120.0) * 4.0 + 120.0, 0, 255).astype(np.uint8)
+    found = corners(detail(bold, 4))
+    rows, _ = np.histogram(found[:, 1], bins=4, range=(0, 180))
+    columns, _ = np.histogram(found[:, 0], bins=4, range=(0, 320))
+    assert len(found) > 60
+    assert min(rows.min(), columns.min()) > len(found) / 8
+
+
+def test_a_uniform_picture_has_none() -> None:
+    assert len(corners(detail(np.full((720, 1280), 90, np.uint8), 4))) == 0
+
+
+@pytest.mark.parametrize("contrast", [1.0, 0.1])
+def test_brightness_and_shade_do_not_pass_for_a_motion(contrast: float) -> None:
+    picture = 120.0 + contrast * (texture(2).astype(np.float32) - 120.0)
+    shade = np.linspace(1.0, 0.8, 1280, dtype=np.float32)[None]
+    moved = np.roll(picture, 12, axis=1) * shade
+    one, other = (detail(np.rint(each).astype(np.uint8), 4) for each in (picture, moved))
+    points_px = corners(one)
+    points_px = points_px[points_px[:, 0] < 300]
+    found_px, good = tracked(one, other, points_px, points_px, levels=2)
+    error_px = (found_px - points_px - np.array([3.0, 0.0]))[good]
+    assert good.mean() > 0.8
+    assert np.abs(np.median(error_px, axis=0)).max() < 0.02 / contrast**0.5
+
+
+def test_tiles_are_alike_along_a_row_and_ground_is_not() -> None:
+    tiles = np.tile(np.pad(np.full((28, 28), 60, np.uint8), 4), (5, 9))[:, :320]
+    rough = detail(texture(3), 4)
+    for picture, ambiguous in ((tiles, True), (rough, False)):
+        found = [is_ambiguous(picture, picture, corner, corner) for corner in corners(picture)]
+        assert np.mean(found) > 0.9 if ambiguous else np.mean(found) < 0.1
