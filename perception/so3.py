@@ -122,6 +122,13 @@ def matrix_from_quaternion(q: Quaternion) -> FloatArray:
     return np.array(rows_from_quaternion(q)).reshape(3, 3)
 
 
+def both_turned(R: FloatArray, S: FloatArray) -> FloatArray:
+    """Return the (6, 6) matrix that turns the first three of six numbers by `R` and the last three by `S`."""
+    both = np.zeros((6, 6))
+    both[:3, :3], both[3:, 3:] = R, S
+    return both
+
+
 def matrices_from_rotvecs(rotvecs: FloatArray) -> FloatArray:
     """Return the (n, 3, 3) rotations by |rotvec| radians about each of the (n, 3) `rotvecs`."""
     square = (rotvecs * rotvecs).sum(axis=1)

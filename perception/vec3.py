@@ -30,6 +30,11 @@ def square(v: Vec3) -> float:
     return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
 
 
+def cross(u: Vec3, v: Vec3) -> Vec3:
+    """Return u × v."""
+    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+
+
 def dot(u: Vec3, v: Vec3) -> float:
     """Return u · v."""
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]

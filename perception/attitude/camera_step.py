@@ -20,10 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from messages import Vec3
+from messages import vec3 as to_vec3
 from messages.arrays import FloatArray
 from perception import so3, vec3
 from perception.attitude.agreement import Innovation
-from perception.attitude.causes import PARTS, follow_ground, look_for_causes, squares
+from perception.attitude.causes import follow_ground, look_for_causes, squares, squares_by_part
 from perception.attitude.kalman import (
     BEGINNING,
     GROUND_TURN,
@@ -82,16 +83,20 @@ def measure_step(
     settings = kalman.settings.camera
     H, innovation, noise = _measured(kalman, state, step)
     likely = H @ state.covariance @ H.T + noise
-    explained = believed and look_for_causes(kalman, state, step.duration_s, innovation, likely, H)
+    by_part = squares_by_part(innovation, likely)
+    explained = believed and look_for_causes(kalman, state, step.duration_s, innovation, likely, by_part, H)
     if explained:
         likely = H @ state.covariance @ H.T + noise
+        by_part = squares_by_part(innovation, likely)
     if believed and squares(innovation, likely) <= settings.refused_sigmas**2:
-        fuse(state, H, innovation, _robust(noise, innovation, likely, settings))
+        fuse(state, H, innovation, _robust(noise, by_part, settings))
         state.without_camera_s = 0.0
     follow_ground(state, step.duration_s, settings)
-    turned_W = so3.matrix_from_quaternion(state.q_WB) @ np.array(step.turn_B)
-    turn_squares, travel_squares = (squares(innovation[part], likely[part, part]) / 3.0 for part in PARTS)
-    return Innovation(step.duration_s, turned_W, innovation[:3], turn_squares, travel_squares, explained)
+    turned_W = so3.transform(so3.rows_from_quaternion(state.q_WB), step.turn_B)
+    turn_squares, travel_squares = by_part
+    return Innovation(
+        step.duration_s, np.array(turned_W), innovation[:3], turn_squares / 3.0, travel_squares / 3.0, explained
+    )
 
 
 def _rate_W(kalman: AttitudeKalman, state: AttitudeState) -> Vec3:
@@ -103,44 +108,48 @@ def _measured(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return H (6, SIZE) of (6), the innovation (6,) of (5) and the noise's covariance (6, 6), turn first, in W."""
     R0, R1 = so3.matrix_from_quaternion(state.q_WB_beginning or so3.IDENTITY), so3.matrix_from_quaternion(state.q_WB)
-    turn_B, travel_B = (_turned(np.array(seen), state.mount_B) for seen in (step.turn_B, step.travel_B))
-    lever = np.array(step.p_BC_m)
-    q = np.array(state.travel_W) + R1 @ lever
-    travel_W = q - R0 @ lever
-    H = np.zeros((6, SIZE))
-    H[:3, ROTATION], H[:3, BEGINNING] = np.eye(3), -np.eye(3)
-    H[:3, GROUND_TURN] = [[0.0], [0.0], [-step.duration_s]]
+    turn_B, travel_B = (_turned(seen, state.mount_B) for seen in (step.turn_B, step.travel_B))
+    lever_0_W, lever_1_W = R0 @ step.p_BC_m, R1 @ step.p_BC_m
+    q = np.array(state.travel_W) + lever_1_W
+    travel_W = q - lever_0_W
+    H = _CONSTANT_H.copy()
+    H[2, GROUND_TURN] = -step.duration_s
     H[:3, MOUNT] = R0 @ so3.skew(turn_B)
-    H[3:, ROTATION], H[3:, BEGINNING], H[3:, TRAVEL] = -so3.skew(q), so3.skew(q), np.eye(3)
+    H[3:, BEGINNING] = by_turn = so3.skew(q)
+    H[3:, ROTATION] = -by_turn
     H[3:, SCALE.start] = travel_W
     H[3:, MOUNT] = R0 @ so3.skew(travel_B)
-    H[:, LAG.start] = by_lag = _by_lag(kalman, state, R0 @ lever, R1 @ lever)
+    H[:, LAG.start] = by_lag = _by_lag(kalman, state, to_vec3(lever_0_W), to_vec3(lever_1_W))
     ground_turned = so3.exp(np.array((0.0, 0.0, state.ground.turn_radps * step.duration_s)))
     seen_W = ground_turned @ R0 @ so3.exp(turn_B) @ R1.T
     innovation = np.concatenate((so3.log(seen_W), R0 @ travel_B - (1.0 + state.scale) * travel_W))
     innovation -= state.lag_s * by_lag
-    to_W = kalman.settings.camera.noise_factor * np.kron(np.eye(2), R0)
-    return H, innovation, to_W @ step.covariance @ to_W.T
+    to_W = so3.both_turned(R0, R0)
+    return H, innovation, kalman.settings.camera.noise_factor**2 * (to_W @ step.covariance @ to_W.T)
 
 
-def _by_lag(kalman: AttitudeKalman, state: AttitudeState, lever_0_W: FloatArray, lever_1_W: FloatArray) -> FloatArray:
+def _by_lag(kalman: AttitudeKalman, state: AttitudeState, lever_0_W: Vec3, lever_1_W: Vec3) -> FloatArray:
     """Return how turn and travel (6,) change with the time of a step: (ω₁ − ω₀, v₁ − v₀) of the camera."""
-    w_0, w_1 = np.array(state.w_W_beginning), np.array(_rate_W(kalman, state))
-    v_0 = np.array(state.v_W_beginning) + np.cross(w_0, lever_0_W)
-    v_1 = np.array(state.v_W) + np.cross(w_1, lever_1_W)
-    return np.concatenate((w_1 - w_0, v_1 - v_0))
+    w_0, w_1 = state.w_W_beginning, _rate_W(kalman, state)
+    v_0 = vec3.plus_scaled(state.v_W_beginning, vec3.cross(w_0, lever_0_W), 1.0)
+    v_1 = vec3.plus_scaled(state.v_W, vec3.cross(w_1, lever_1_W), 1.0)
+    return np.array((*vec3.minus(w_1, w_0), *vec3.minus(v_1, v_0)))
 
 
-def _robust(noise: FloatArray, innovation: FloatArray, likely: FloatArray, settings: CameraStepSettings) -> FloatArray:
-    """Return the noise as large as makes a turn or travel count for no more than `usual_sigmas` (Huber)."""
-    turn, travel = (
-        max(1.0, math.sqrt(squares(innovation[part], likely[part, part])) / settings.usual_sigmas) for part in PARTS
-    )
-    by = np.repeat((turn, travel), 3)
+def _robust(noise: FloatArray, by_part: tuple[float, float], settings: CameraStepSettings) -> FloatArray:
+    """Return the noise as large as makes a turn or travel, of these squares, count for no more than `usual_sigmas`
+    (Huber)."""
+    turn, travel = (max(1.0, math.sqrt(square) / settings.usual_sigmas) for square in by_part)
+    by = np.array((turn, turn, turn, travel, travel, travel))
     larger: FloatArray = by[:, None] * noise * by
     return larger
 
 
-def _turned(vector_B: FloatArray, mount_B: Vec3) -> FloatArray:
-    turned: FloatArray = vector_B + np.cross(mount_B, vector_B)
-    return turned
+def _turned(vector_B: Vec3, mount_B: Vec3) -> FloatArray:
+    return np.array(vec3.plus_scaled(vector_B, vec3.cross(mount_B, vector_B), 1.0))
+
+
+_CONSTANT_H = np.zeros((6, SIZE))
+_CONSTANT_H[:3, ROTATION] = _CONSTANT_H[3:, TRAVEL] = np.eye(3)
+_CONSTANT_H[:3, BEGINNING] = -np.eye(3)
+"""What of H of (6) is the same in every step."""

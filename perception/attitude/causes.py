@@ -36,16 +36,17 @@ def look_for_causes(
     duration_s: float,
     innovation: FloatArray,
     likely: FloatArray,
+    by_part: tuple[float, float],
     H: FloatArray,
 ) -> bool:
     """Take an innovation (6,), turn first, of covariance `likely` (6, 6), into (7); let free what explains the sums
-    best, if one is unlikely. Returns whether something was let free. H (6, SIZE) is that of the measurement."""
+    best, if one is unlikely. Returns whether something was let free. `by_part` is what `squares_by_part` returns of
+    both, H (6, SIZE) that of the measurement."""
     settings, found = kalman.settings.camera, state.contradictions
     information: FloatArray = np.linalg.inv(likely).astype(np.float64, copy=False)
-    bounded: FloatArray = np.concatenate(
-        [_bounded(innovation[p], likely[p, p], settings.counted_sigmas) for p in PARTS]
-    )
-    by_slip = np.vstack((H[:3, MOUNT], np.zeros((3, 3))))  # what it does to the travel, a start does as well
+    shortened = [min(1.0, settings.counted_sigmas / math.sqrt(max(square, 1.0))) for square in by_part]
+    bounded = innovation * np.repeat(shortened, 3)
+    by_slip = _BY_TURN @ H[:3, MOUNT]  # what it does to the travel, a start does as well
     fade, slow_fade = (math.exp(-duration_s / each_s) for each_s in (settings.memory_s, settings.slip_memory_s))
     state.explained_s += duration_s
     turn = _add(found.turn, fade, _BY_TURN, information, bounded) / settings.far_sigmas**2
@@ -64,16 +65,15 @@ def look_for_causes(
     return True
 
 
-def _bounded(innovation: FloatArray, likely: FloatArray, most_sigmas: float) -> FloatArray:
-    """Return an innovation (3,) of covariance `likely` (3, 3), shortened to `most_sigmas`."""
-    sigmas = math.sqrt(squares(innovation, likely))
-    shortened: FloatArray = innovation * min(1.0, most_sigmas / max(sigmas, 1.0))
-    return shortened
-
-
 def squares(innovation: FloatArray, likely: FloatArray) -> float:
     """Return the square of an innovation (n,) over its covariance `likely` (n, n)."""
     return float(innovation @ np.linalg.solve(likely, innovation))
+
+
+def squares_by_part(innovation: FloatArray, likely: FloatArray) -> tuple[float, float]:
+    """Return the squares of the turn and of the travel in an innovation (6,), each over its own covariance."""
+    turn, travel = slice(0, 3), slice(3, 6)
+    return squares(innovation[turn], likely[turn, turn]), squares(innovation[travel], likely[travel, travel])
 
 
 def _add(
@@ -160,10 +160,6 @@ def has_slipped(kalman: AttitudeKalman, state: AttitudeState) -> bool:
     deviation_rad = math.sqrt(float(np.diag(state.covariance[MOUNT, MOUNT]).max()))
     likely_rad = _FAR_SIGMAS * (kalman.mount_rad + deviation_rad)
     return math.hypot(*state.mount_B) > settings.most_slip_rad + likely_rad
-
-
-PARTS = (slice(0, 3), slice(3, 6))
-"""Turn and travel in an innovation."""
 
 
 def distances_are_plausible(kalman: AttitudeKalman, state: AttitudeState) -> bool:

@@ -34,15 +34,15 @@ def foretold(kalman: AttitudeKalman, state: AttitudeState) -> MotionForetold | N
     ground = state.ground
     R_BW = so3.matrix_from_quaternion(state.q_WB).T
     at_rest_W = np.array(ground.acceleration_W) + kalman.settings.gravity_mps2 * _UP
-    to_B = np.kron(np.diag((0.0, 1.0)), R_BW) + np.kron(np.diag((1.0, 0.0)), np.eye(3))
-    known = np.r_[GYRO_BIAS, VELOCITY]
+    to_B = so3.both_turned(np.eye(3), R_BW)
     return MotionForetold(
         state.t_ns,
         vec3(np.array(state.gyro_bias) + ground.turn_radps * R_BW[:, 2]),
         vec3(np.array(state.sf_bias) + R_BW @ at_rest_W),
         vec3(R_BW @ np.array(state.v_W)),
-        to_B @ state.covariance[np.ix_(known, known)] @ to_B.T,
+        to_B @ state.covariance[_KNOWN] @ to_B.T,
     )
 
 
+_KNOWN = np.ix_(np.r_[GYRO_BIAS, VELOCITY], np.r_[GYRO_BIAS, VELOCITY])
 _UP = np.array([0.0, 0.0, 1.0])

@@ -72,7 +72,7 @@ SIZE = 39
 the beginning of the camera's step; SCALE, MOUNT and LAG are those of its distances, its orientation in B and its clock;
 GROUND and GROUND_TURN those of the acceleration, and of the turn about the vertical, of the ground that it sees."""
 
-_I = np.eye(SIZE)
+_I, _I3 = np.eye(SIZE), np.eye(3)
 _DIAGONAL = np.diag_indices(SIZE)
 _RATE_IS_ZERO = _I[GYRO_BIAS]
 _SWING_IS_ZERO = _I[VELOCITY] - _I[DRIFT]
@@ -302,16 +302,17 @@ class AttitudeKalman:
 
     def _predict(self, state: AttitudeState, step: Step, runs_away: bool) -> None:
         settings = self.settings
-        R_dt = np.array(step.rows) * np.array(step.dts_s)[:, np.newaxis]
-        F = np.eye(SIZE)
-        F[ROTATION, GYRO_BIAS] = F[VELOCITY, SF_BIAS] = -R_dt.sum(axis=0).reshape(3, 3)
-        F[ROTATION, GYRO_MATRIX] = -(R_dt.T @ np.array(step.rates)).reshape(3, 9)
-        F[VELOCITY, ROTATION] = settings.gravity_mps2 * step.elapsed_s * _CROSS_UP
-        F[TRAVEL, VELOCITY] = step.elapsed_s * np.eye(3)
-        F[TRAVEL, ROTATION] = 0.5 * step.elapsed_s * F[VELOCITY, ROTATION]
-        F[TRAVEL, SF_BIAS] = 0.5 * step.elapsed_s * F[VELOCITY, SF_BIAS]
-        F[VELOCITY, GROUND] = -F[TRAVEL, VELOCITY]
-        F[TRAVEL, GROUND] = -0.5 * step.elapsed_s * F[TRAVEL, VELOCITY]
+        T_s, g_mps2, rows, dts_s = step.elapsed_s, settings.gravity_mps2, np.array(step.rows), np.array(step.dts_s)
+        sum_R_dt = (dts_s @ rows).reshape(3, 3)
+        F = _I.copy()
+        F[ROTATION, GYRO_BIAS] = F[VELOCITY, SF_BIAS] = -sum_R_dt
+        F[ROTATION, GYRO_MATRIX] = (rows.T @ (-dts_s[:, np.newaxis] * np.array(step.rates))).reshape(3, 9)
+        F[VELOCITY, ROTATION] = g_mps2 * T_s * _CROSS_UP
+        F[TRAVEL, ROTATION] = 0.5 * g_mps2 * T_s**2 * _CROSS_UP
+        F[TRAVEL, VELOCITY] = T_s * _I3
+        F[TRAVEL, SF_BIAS] = -0.5 * T_s * sum_R_dt
+        F[VELOCITY, GROUND] = -T_s * _I3
+        F[TRAVEL, GROUND] = -0.5 * T_s**2 * _I3
         drift_mps, time_s = settings.drift_mps, settings.drift_time_s
         if state.resting:
             drift_mps, time_s = settings.sway_mps, settings.sway_time_s

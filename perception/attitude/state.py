@@ -1,6 +1,7 @@
 """Parameters and state of the attitude filter, kept apart from its equations."""
 
 import math
+from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from typing import NamedTuple
 
@@ -261,22 +262,16 @@ class AttitudeState:
 
     def copy(self) -> "AttitudeState":
         """Return a state that goes on independently of this one; what lies before is shared, and never changed."""
-        step, levelling = self.step, self.levelling
-        return replace(
-            self,
-            covariance=self.covariance.copy(),
-            rest=replace(self.rest),
-            usual_mounting=replace(self.usual_mounting),
-            ground=replace(self.ground),
-            contradictions=Contradictions(
-                replace(self.contradictions.turn),
-                replace(self.contradictions.travel),
-                replace(self.contradictions.slip),
-            ),
-            step=replace(step, rows=[*step.rows], rates=[*step.rates], dts_s=[*step.dts_s]),
-            levelling=None if levelling is None else replace(levelling, since=[*levelling.since]),
-            checkpoints=[Checkpoint(each.state, [*each.since]) for each in self.checkpoints],
-        )
+        other, step, found = copy(self), self.step, self.contradictions
+        other.covariance = self.covariance.copy()
+        other.rest, other.usual_mounting, other.ground = copy(self.rest), copy(self.usual_mounting), copy(self.ground)
+        other.contradictions = Contradictions(copy(found.turn), copy(found.travel), copy(found.slip))
+        other.step = copy(step)
+        other.step.rows, other.step.rates, other.step.dts_s = [*step.rows], [*step.rates], [*step.dts_s]
+        if self.levelling is not None:
+            other.levelling = replace(self.levelling, since=[*self.levelling.since])
+        other.checkpoints = [Checkpoint(each.state, [*each.since]) for each in self.checkpoints]
+        return other
 
     @property
     def clipped_s(self) -> float:

@@ -155,15 +155,20 @@ class AttitudeTrack:
 
     def _advance(self, until_ns: int) -> None:
         """Take the samples since the filter's state again, up to `until_ns`: between two, what lies on their line."""
-        since_ns = self._filter.t_ns
-        for before, sample in pairwise(self._recent):
-            if since_ns is None or sample.t_ns <= since_ns:
-                continue
+        for before, sample in pairwise(self._from(self._filter.t_ns)):
             if before.t_ns >= until_ns:
                 break
             self._filter.update(*_between(before, sample, until_ns))
             if self._filter.status is Status.VALID:
                 self._history.append(self._attitude_at(min(sample.t_ns, until_ns)))
+
+    def _from(self, t_ns: int | None) -> list[Sample]:
+        """Return the last sample not later than `t_ns` and all that followed; none where that is not known."""
+        recent = self._recent
+        first = len(recent) - 1
+        while t_ns is not None and first > 0 and recent[first].t_ns > t_ns:
+            first -= 1
+        return [recent[index] for index in range(first, len(recent))]
 
     def _attitude_at(self, t_ns: int) -> AttitudeAt:
         found = self._filter

@@ -82,11 +82,14 @@ class Rectifier:
         raw_row = divisor * (self.left_maps[1] + 0.5) - 0.5
         self.row_time_s: Float32Array = ((raw_row - middle_row) * stereo.row_time_s).astype(np.float32)
         """(height_px, width_px): when each rectified left pixel was exposed, relative to mid-exposure."""
+        v, u = np.mgrid[: self.height_px, : self.width_px]
+        self._rays_C: FloatArray = np.stack(
+            ((u - self.cx_px) / self.f_px, (v - self.cy_px) / self.f_px, np.ones(u.shape)), axis=-1
+        )
 
     def rays_C(self, window: Window) -> FloatArray:
         """Return (rows, columns, 3): rays through the window's pixel centres with z = 1, in C."""
-        v, u = np.mgrid[window.rows, window.columns]
-        return np.stack(((u - self.cx_px) / self.f_px, (v - self.cy_px) / self.f_px, np.ones(u.shape)), axis=-1)
+        return self._rays_C[window.rows, window.columns]
 
     def rectify(self, left: GreyImage, right: GreyImage, window: Window, shift_px: int) -> tuple[GreyImage, GreyImage]:
         """Return the window of the rectified left eye and, of the right eye, the window moved left by `shift_px`.

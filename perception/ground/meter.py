@@ -7,6 +7,7 @@ import numpy as np
 
 from messages import DepthCalibration, Image, Reason, Residual, StereoCalibration
 from messages.arrays import FloatArray
+from perception import so3
 from perception.depth.depth_camera import DepthCamera
 from perception.depth.disparity import DisparityCamera, OutOfRangeError
 from perception.depth.stereo_camera import StereoCamera
@@ -75,7 +76,7 @@ class GroundMeter:
         patch, stride = patch.thinned(self.most_pixels)
         rays_C, disparity_px, row_time_s = patch.rays_C, patch.disparity_px, patch.row_time_s[..., None]
         # R_HC(t + τ) r ≈ R_HC (r + τ ω × r), and by (1) h(t + τ) = h + τ ḣ divides what a ray sees
-        rays_H = (rays_C + row_time_s * np.cross(w_HC_C_radps, rays_C)) @ R_HC.T
+        rays_H = rays_C @ R_HC.T + row_time_s * (rays_C @ (R_HC @ so3.skew(w_HC_C_radps)).T)
         rays_H /= 1.0 + row_time_s * (height_rate_mps / predicted.height_m)
 
         fB_px_m = self._fitter.fB_px_m

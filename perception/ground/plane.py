@@ -135,7 +135,9 @@ class PlaneFitter:
                 inverse = np.linalg.inv(rays.T @ weighted)
             except np.linalg.LinAlgError:
                 return None
-            theta = inverse @ (weighted.T @ disparity_px)
+            before, theta = theta, inverse @ (weighted.T @ disparity_px)
+            if np.abs(theta - before).max() < _SETTLED_PX:
+                break
         if theta[2] >= 0.0:
             return None
         shared = max(1.0, self.correlation_px / stride**2)
@@ -165,6 +167,8 @@ class PlaneFitter:
 
 
 _LEAST_PIXELS = 30
+_SETTLED_PX = 1e-3
+"""A change of θ that moves no pixel by more than about this is the last one: far below what a plane is known to."""
 
 
 def _weighted_median(values: FloatArray, weight: FloatArray) -> float:
