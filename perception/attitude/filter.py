@@ -198,8 +198,11 @@ class AttitudeFilter:
             return Reason.NONE
         return state.reason_uncertain if state.started or state.reason_uncertain is Reason.NO_IMU else Reason.STARTING
 
-    def update(self, t_ns: int, sf_B: Vec3, w_B: Vec3, clipped: bool = False) -> None:
-        """Take one calibrated sample: specific force in m/s² and angular rate in rad/s, in B, at `t_ns`.
+    def update(
+        self, t_ns: int, sf_B: Vec3, w_B: Vec3, clipped: bool = False, temperature_degC: float = math.nan
+    ) -> None:
+        """Take one calibrated sample: specific force in m/s² and angular rate in rad/s, in B, at `t_ns`; and the die's
+        temperature, NaN where that is not measured.
 
         Raises ValueError, and changes nothing, where a value is not finite or time does not advance.
         """
@@ -208,7 +211,7 @@ class AttitudeFilter:
             raise ValueError(f"IMU sample at {t_ns} ns: sf_B {sf_B} m/s² and w_B {w_B} rad/s must be finite")
         if last_ns is not None and t_ns <= last_ns:
             raise ValueError(f"IMU sample at {t_ns} ns: must be later than the one before it, at {last_ns} ns")
-        sample = Sample(t_ns, sf_B, w_B, clipped)
+        sample = Sample(t_ns, sf_B, w_B, clipped, temperature_degC)
         rested = self._state.resting
         self._process(sample)
         self._checkpoint_rest(sample)
@@ -228,6 +231,7 @@ class AttitudeFilter:
         if sample.clipped or dt_s > settings.detection_delay_s / 2:
             state.rest, state.pace_unknown_s = Rest(), settings.pace_unknown_s  # a walk may have begun unseen
         state.rest.update(settings.rest, sample.sf_B, sample.w_B, dt_s)
+        self._kalman.follow_temperature(state, sample.temperature_degC)
         rested = state.resting
         if not state.started:
             state.sf_measured, state.w_measured, state.usual_step_s = sample.sf_B, sample.w_B, dt_s

@@ -33,6 +33,7 @@ import numpy as np
 
 from messages import Residual, Vec3
 from messages.arrays import FloatArray
+from messages.learnt import DIE_TEMPERATURES_DEGC
 from perception import so3, vec3
 from perception.attitude.rest import Rest
 from perception.attitude.sensor_errors import SensorErrors
@@ -133,12 +134,28 @@ class AttitudeKalman:
         gyro_var, sf_var = _vec3(variances, GYRO_BIAS), _vec3(variances, SF_BIAS)
         return SensorErrors(state.gyro_bias, gyro_var, state.sf_bias, sf_var, state.scale, variances[SCALE.start])
 
+    def follow_temperature(self, state: AttitudeState, temperature_degC: float) -> None:
+        """Let the accelerometer's bias have changed as much as its die has warmed up or cooled down since the first
+        sample; a temperature that is NaN, or none of a die, tells nothing."""
+        low, high = DIE_TEMPERATURES_DEGC
+        if not low <= temperature_degC <= high:
+            return
+        if math.isnan(state.first_degC):
+            state.first_degC = temperature_degC
+        warming_K = abs(temperature_degC - state.first_degC)
+        if warming_K > state.most_warming_K:
+            change_var = self.settings.sf_bias_mps2_per_K**2 * (warming_K**2 - state.most_warming_K**2)
+            state.covariance[SF_BIAS, SF_BIAS] += change_var * _I3
+            state.most_warming_K = warming_K
+
     def after_gap(self, state: AttitudeState, gap_s: float) -> AttitudeState:
         """Return the state before the first sample after `gap_s` without: of the motion nothing is left, of the
         sensors' errors and the usual mounting all."""
         return AttitudeState(
             state.covariance + np.diag(self._walk_density * gap_s),
             usual_step_s=state.usual_step_s,
+            first_degC=state.first_degC,
+            most_warming_K=state.most_warming_K,
             gyro_bias=state.gyro_bias,
             sf_bias=state.sf_bias,
             gyro_matrix=state.gyro_matrix,

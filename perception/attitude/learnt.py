@@ -38,8 +38,8 @@ class LearningSettings:
 
     `*_turn_on_*` is the change from one power-up to the next at one temperature: the data sheet states none. It
     is on the safe side: a gyroscope's bias that is 2 °/s off what was learnt is still covered when the IMU alone has to
-    find out, and a start in motion takes no longer for it. `*_per_K` is a third of the change that the MPU-6050's data
-    sheet admits over its range: ±20 °/s from −40 to 85 °C, ±60 mg from 0 to 70 °C. After `ageing_s` of use the variance
+    find out, and a start in motion takes no longer for it. `gyro_radps_per_K` is more than a third of the change that the
+    MPU-6050's data sheet admits over its range, ±20 °/s from −40 to 85 °C; the accelerometer's is the filter's. After `ageing_s` of use the variance
     of a turn-on has come once more.
     Of a gyroscope's bias nothing is kept whose deviation is above `gyro_known_radps` on any axis, of the depth scale
     nothing above `scale_known_share` of the calibration's deviation, and nothing at all beyond `most_sigmas` of that.
@@ -51,7 +51,6 @@ class LearningSettings:
     gyro_radps_per_K: float = math.radians(0.1)
     gyro_known_radps: float = math.radians(0.1)
     sf_turn_on_mps2: float = 0.5e-3 * STANDARD_GRAVITY_MPS2
-    sf_mps2_per_K: float = 0.6e-3 * STANDARD_GRAVITY_MPS2
     scale_turn_on: float = 0.001
     scale_known_share: float = 0.5
     ageing_s: float = 360_000.0
@@ -67,6 +66,7 @@ class SensorLearning:
     def __init__(self, calibration: UnitCalibration, learnt: Learnt | None) -> None:
         """Go on from `learnt`; raises UserError where that does not belong to `calibration`."""
         self.settings = LearningSettings()
+        self._sf_bias_mps2_per_K = AttitudeSettings().sf_bias_mps2_per_K
         self._unlearnt = unlearnt(calibration)
         self._learnt = learnt or Learnt(calibration_id=calibration.id)
         check_learnt(self._learnt, calibration)
@@ -85,7 +85,7 @@ class SensorLearning:
             found, distance_K = _interpolated(self._learnt.biases, temperature_degC)
             turn_ons = 1.0 + (self._learnt.used_s - found.seen_s) / settings.ageing_s
             gyro = turn_ons * settings.gyro_turn_on_radps**2 + (settings.gyro_radps_per_K * distance_K) ** 2
-            sf = turn_ons * settings.sf_turn_on_mps2**2 + (settings.sf_mps2_per_K * distance_K) ** 2
+            sf = turn_ons * settings.sf_turn_on_mps2**2 + (self._sf_bias_mps2_per_K * distance_K) ** 2
             gyro_bias, gyro_var = _later_axes(found.gyro_bias_radps, found.gyro_std_radps, prior.gyro_var, gyro)
             sf_bias, sf_var = _later_axes(found.sf_bias_mps2, found.sf_std_mps2, prior.sf_var, sf)
             prior = prior._replace(gyro_bias=gyro_bias, gyro_var=gyro_var, sf_bias=sf_bias, sf_var=sf_var)

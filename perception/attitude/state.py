@@ -85,6 +85,7 @@ class AttitudeSettings:
     gyro_bias_radps: float = math.radians(2.0)  # what a change of temperature leaves of a calibrated bias
     sf_noise_mps2_rthz: float = 0.004
     sf_bias_walk_mps2_rts: float = 1e-4
+    sf_bias_mps2_per_K: float = 0.3e-3 * STANDARD_GRAVITY_MPS2  # a third of ±60 mg from 0 to 70 °C
     # Scale errors that no constant matrix explains act as noise in proportion to the motion, correlated this long.
     gyro_scale_time_s: float = 0.2
     sf_scale_time_s: float = 2.0
@@ -148,12 +149,13 @@ class AttitudeSettings:
 
 
 class Sample(NamedTuple):
-    """One calibrated sample: m/s² and rad/s, in B."""
+    """One calibrated sample: m/s² and rad/s, in B; the die's temperature is NaN where it is not measured."""
 
     t_ns: int
     sf_B: Vec3
     w_B: Vec3
     clipped: bool
+    temperature_degC: float = math.nan
 
 
 @dataclass
@@ -228,6 +230,8 @@ class AttitudeState:
     rest: Rest = field(default_factory=Rest)
     t_ns: int | None = None
     usual_step_s: float = 0.0
+    first_degC: float = math.nan  # the die's temperature at the first sample,
+    most_warming_K: float = 0.0  # and how far from it that has been
     gyro_bias: Vec3 = vec3.ZERO
     sf_bias: Vec3 = vec3.ZERO
     gyro_matrix: Rows = (0.0,) * 9

@@ -69,9 +69,10 @@ class AttitudeTrack:
         self._temperature_degC = sample.temperature_degC
         if self._newest_ns is None:
             self._filter.reset(self._learning.prior(sample.temperature_degC))
-        self._filter.update(sample.t_sample_ns, sf_B_mps2, w_B_radps, clipped=sample.clipped)
+        calibrated = Sample(sample.t_sample_ns, sf_B_mps2, w_B_radps, sample.clipped, sample.temperature_degC)
+        self._filter.update(*calibrated)
         self._newest_ns = sample.t_sample_ns
-        self._recent.append(Sample(sample.t_sample_ns, sf_B_mps2, w_B_radps, sample.clipped))
+        self._recent.append(calibrated)
         state, rotation_cov_W = self._filter, self._filter.rotation_cov_W
         if state.status is Status.VALID:
             if self._before_start:
@@ -278,7 +279,7 @@ def _between(before: Sample, after: Sample, until_ns: int) -> Sample:
         return after
     share = (until_ns - before.t_ns) / (after.t_ns - before.t_ns)
     sf_B, w_B = between(before.sf_B, after.sf_B, share), between(before.w_B, after.w_B, share)
-    return Sample(until_ns, sf_B, w_B, before.clipped or after.clipped)
+    return Sample(until_ns, sf_B, w_B, before.clipped or after.clipped, before.temperature_degC)
 
 
 _MOST_BEFORE_START = 1024
