@@ -122,13 +122,6 @@ def matrix_from_quaternion(q: Quaternion) -> FloatArray:
     return np.array(rows_from_quaternion(q)).reshape(3, 3)
 
 
-def both_turned(R: FloatArray, S: FloatArray) -> FloatArray:
-    """Return the (6, 6) matrix that turns the first three of six numbers by `R` and the last three by `S`."""
-    both = np.zeros((6, 6))
-    both[:3, :3], both[3:, 3:] = R, S
-    return both
-
-
 def matrices_from_rotvecs(rotvecs: FloatArray) -> FloatArray:
     """Return the (n, 3, 3) rotations by |rotvec| radians about each of the (n, 3) `rotvecs`."""
     square = (rotvecs * rotvecs).sum(axis=1)
@@ -143,6 +136,13 @@ def matrices_from_rotvecs(rotvecs: FloatArray) -> FloatArray:
         (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), -x * x - y * y + z * z + w * w),
     )
     return np.ascontiguousarray(np.array(rows).transpose(2, 0, 1))
+
+
+def pair_covariance_turned(R: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the covariance (6, 6) of two vectors, one after the other, once both are multiplied by `R` (3, 3)."""
+    blocks = covariance.reshape(2, 3, 2, 3).transpose(0, 2, 1, 3)
+    turned: FloatArray = (R @ blocks @ R.T).transpose(0, 2, 1, 3).reshape(6, 6)
+    return turned
 
 
 def quaternion_from_matrix(R: FloatArray) -> Quaternion:

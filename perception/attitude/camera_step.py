@@ -124,8 +124,8 @@ def _measured(
     seen_W = ground_turned @ R0 @ so3.exp(turn_B) @ R1.T
     innovation = np.concatenate((so3.log(seen_W), R0 @ travel_B - (1.0 + state.scale) * travel_W))
     innovation -= state.lag_s * by_lag
-    to_W = so3.both_turned(R0, R0)
-    return H, innovation, kalman.settings.camera.noise_factor**2 * (to_W @ step.covariance @ to_W.T)
+    noise_factor = kalman.settings.camera.noise_factor
+    return H, innovation, noise_factor**2 * so3.pair_covariance_turned(R0, step.covariance)
 
 
 def _by_lag(kalman: AttitudeKalman, state: AttitudeState, lever_0_W: Vec3, lever_1_W: Vec3) -> FloatArray:

@@ -34,13 +34,15 @@ def foretold(kalman: AttitudeKalman, state: AttitudeState) -> MotionForetold | N
     ground = state.ground
     R_BW = so3.matrix_from_quaternion(state.q_WB).T
     at_rest_W = np.array(ground.acceleration_W) + kalman.settings.gravity_mps2 * _UP
-    to_B = so3.both_turned(np.eye(3), R_BW)
+    covariance = state.covariance[_KNOWN]
+    covariance[3:] = R_BW @ covariance[3:]
+    covariance[:, 3:] = covariance[:, 3:] @ R_BW.T
     return MotionForetold(
         state.t_ns,
         vec3(np.array(state.gyro_bias) + ground.turn_radps * R_BW[:, 2]),
         vec3(np.array(state.sf_bias) + R_BW @ at_rest_W),
         vec3(R_BW @ np.array(state.v_W)),
-        to_B @ state.covariance[_KNOWN] @ to_B.T,
+        covariance,
     )
 
 

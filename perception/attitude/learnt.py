@@ -38,9 +38,9 @@ class LearningSettings:
 
     `*_turn_on_*` is the change from one power-up to the next at one temperature: the data sheet states none. It
     is on the safe side: a gyroscope's bias that is 2 °/s off what was learnt is still covered when the IMU alone has to
-    find out, and a start in motion takes no longer for it. `gyro_radps_per_K` is more than a third of the change that the
-    MPU-6050's data sheet admits over its range, ±20 °/s from −40 to 85 °C; the accelerometer's is the filter's. After `ageing_s` of use the variance
-    of a turn-on has come once more.
+    find out, and a start in motion takes no longer for it. `gyro_radps_per_K` is a third of the change that the
+    MPU-6050's data sheet admits over its range, ±20 °/s from −40 to 85 °C; the accelerometer's is the filter's own.
+    After `ageing_s` of use the variance of a turn-on has come once more.
     Of a gyroscope's bias nothing is kept whose deviation is above `gyro_known_radps` on any axis, of the depth scale
     nothing above `scale_known_share` of the calibration's deviation, and nothing at all beyond `most_sigmas` of that.
     Biases at one temperature are those of a range of `bin_K`. What is to be learnt has stood for `confirmed_s` in which

@@ -10,6 +10,7 @@ different from a change of the rate, and steps stamped so late are not where the
 """
 
 import math
+from array import array
 from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -83,15 +84,16 @@ class ClockLagMonitor:
         self._R_BC: FloatArray = np.array(calibration.X_BL.R) @ R_LC
         self._most_s = self.settings.most_s + _FAR_SIGMAS * calibration.residual.time_s
         self._length_ns = round(1e9 * (self.settings.window_s + 4.0 * self.settings.longest_s))
-        self._samples: deque[tuple[int, Vec3]] = deque()
+        self._times_ns, self._rates = array("q"), array("d")  # of samples; three rates each
         self._steps: deque[EgoMotion] = deque()
         self._agreements, self._contradictions = 0, 0
 
     def add_sample(self, t_ns: int, w_B_radps: Vec3) -> None:
         """Take one calibrated sample, later than the one before it; clipped ones are better left out."""
-        self._samples.append((t_ns, w_B_radps))
-        while t_ns - self._samples[0][0] > self._length_ns:
-            self._samples.popleft()
+        self._times_ns.append(t_ns)
+        self._rates.extend(w_B_radps)
+        while t_ns - self._times_ns[0] > self._length_ns:
+            del self._times_ns[:1], self._rates[:3]
 
     def add_motion(self, motion: EgoMotion | None) -> None:
         """Take what one frame told of the motion, None for nothing."""
@@ -108,28 +110,30 @@ class ClockLagMonitor:
     def update(self) -> None:
         """Bring the verdict on the last second up to date."""
         settings = self.settings
-        if not self._samples:
+        if not self._times_ns:
             return
-        newest_ns = self._samples[-1][0]  # the last steps must wait until the lag can be looked for there
-        known = [step for step in self._steps if newest_ns - step.t_after_ns >= 1e9 * settings.longest_s]
+        newest_ns = self._times_ns[-1]  # the last steps must wait until the lag can be looked for there
+        known_ns = newest_ns - 1e9 * settings.longest_s
+        known = [step for step in self._steps if step.t_after_ns <= known_ns]
         if len(known) < settings.least_steps or known[-1].t_after_ns - known[0].t_before_ns < 1e9 * settings.window_s:
             return
         camera, imu = self._window(known)
         reaches = imu.t_s[0] <= camera.from_s[0] - settings.longest_s
-        if reaches and np.diff(imu.t_s).max() <= settings.longest_gap_s:
+        if reaches and (imu.t_s[1:] - imu.t_s[:-1]).max() <= settings.longest_gap_s:
             self._judge(lag_of(camera, imu, settings.longest_s, settings.grid_s))
 
     def _window(self, steps: list[EgoMotion]) -> tuple[CameraTurns, ImuRates]:
         """Return the last `window_s` of `steps`, and all samples, times counted from the first step."""
-        epoch_ns, last_ns = steps[0].t_before_ns, steps[-1].t_after_ns
-        recent = [s for s in steps if last_ns - s.t_before_ns <= 1e9 * self.settings.window_s + _MOST_APART_NS]
+        epoch_ns = steps[0].t_before_ns
+        from_ns = steps[-1].t_after_ns - (1e9 * self.settings.window_s + _MOST_APART_NS)
+        recent = [step for step in steps if step.t_before_ns >= from_ns]
         camera = CameraTurns(
-            from_s=1e-9 * np.array([s.t_before_ns - epoch_ns for s in recent]),
-            to_s=1e-9 * np.array([s.t_after_ns - epoch_ns for s in recent]),
-            w_B_radps=np.array([s.w_C_radps for s in recent]) @ self._R_BC.T,
+            from_s=1e-9 * np.array([step.t_before_ns - epoch_ns for step in recent]),
+            to_s=1e-9 * np.array([step.t_after_ns - epoch_ns for step in recent]),
+            w_B_radps=np.array([step.w_C_radps for step in recent]) @ self._R_BC.T,
         )
-        t_s = 1e-9 * np.array([t_ns - epoch_ns for t_ns, _ in self._samples])
-        return camera, ImuRates(t_s, np.array([w_B for _, w_B in self._samples]))
+        t_s = 1e-9 * (np.array(self._times_ns) - epoch_ns)
+        return camera, ImuRates(t_s, np.array(self._rates).reshape(-1, 3))
 
     def _judge(self, lag: Lag) -> None:
         s = self.settings
@@ -152,8 +156,11 @@ def lag_of(camera: CameraTurns, imu: ImuRates, longest_s: float, grid_s: float) 
     """
     steps = round(longest_s / grid_s)
     lags_s: FloatArray = grid_s * np.arange(-steps, steps + 1, dtype=np.float64)
+    angle = integral(imu.t_s, imu.w_B_radps)
     off_line = _off_line(camera)
-    cost = ((off_line @ (camera.w_B_radps - _mean_rates(camera, imu, lags_s[:, None]))) ** 2).sum(axis=(1, 2))
+    seen_radps = off_line @ camera.w_B_radps
+    misfit = seen_radps[:, None] - _along(off_line, _mean_rates(camera, imu.t_s, angle, lags_s))
+    cost = (misfit * misfit).sum(axis=(0, 2))
     best = min(max(int(np.argmin(cost)), 1), 2 * steps - 1)
     before, least, after = cost[best - 1 : best + 2].tolist()
     curvature = (before + after - 2.0 * least) / grid_s**2
@@ -163,24 +170,30 @@ def lag_of(camera: CameraTurns, imu: ImuRates, longest_s: float, grid_s: float) 
         lag_s = float(np.clip(lag_s, -longest_s, longest_s))
         freedom = 3 * (len(camera.from_s) - 2) - 1
         deviation_s = math.sqrt(2.0 * least / freedom / curvature)
-    imu_radps = _mean_rates(camera, imu, np.array([[lag_s]]))[0]
-    swing = np.maximum(column_rms(off_line @ imu_radps), column_rms(off_line @ camera.w_B_radps))
-    return Lag(lag_s, deviation_s, swing, column_rms(off_line @ (imu_radps - camera.w_B_radps)))
+    felt_radps = _along(off_line, _mean_rates(camera, imu.t_s, angle, np.array([lag_s])))[:, 0]
+    swing = np.maximum(column_rms(felt_radps), column_rms(seen_radps))
+    return Lag(lag_s, deviation_s, swing, column_rms(felt_radps - seen_radps))
 
 
 def _off_line(camera: CameraTurns) -> FloatArray:
     """Return what takes b and c of (1) off n values, (n, n)."""
     middle_s = 0.5 * (camera.from_s + camera.to_s)
-    line = np.column_stack((np.ones(len(middle_s)), middle_s - middle_s.mean()))
-    off_line: FloatArray = np.eye(len(line)) - line @ np.linalg.pinv(line)
+    about_mean = middle_s - middle_s.mean()
+    count = len(about_mean)
+    off_line: FloatArray = np.eye(count) - 1.0 / count - np.outer(about_mean / (about_mean @ about_mean), about_mean)
     return off_line
 
 
-def _mean_rates(camera: CameraTurns, imu: ImuRates, lags_s: FloatArray) -> FloatArray:
-    """Return the mean rates (lags, n, 3) measured during the steps, moved by `lags_s` (lags, 1)."""
-    angle = integral(imu.t_s, imu.w_B_radps)
-    turned = interpolated(camera.to_s + lags_s, imu.t_s, angle) - interpolated(camera.from_s + lags_s, imu.t_s, angle)
-    rates: FloatArray = turned / (camera.to_s - camera.from_s)[:, None]
+def _along(off_line: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return `off_line` (n, n) times `rates` (n, lags, 3), step by step."""
+    return (off_line @ rates.reshape(len(rates), -1)).reshape(rates.shape)
+
+
+def _mean_rates(camera: CameraTurns, t_s: FloatArray, angle: FloatArray, lags_s: FloatArray) -> FloatArray:
+    """Return the mean rates (n, lags, 3) during the steps, moved by `lags_s` (lags,), of Θ `angle` (m, 3) at `t_s`."""
+    both_s = np.concatenate((camera.from_s, camera.to_s))[:, None] + lags_s
+    before, after = np.split(interpolated(both_s, t_s, angle), 2)
+    rates: FloatArray = (after - before) / (camera.to_s - camera.from_s)[:, None, None]
     return rates
 
 

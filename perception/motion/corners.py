@@ -23,7 +23,9 @@ class Eye:
         """Return the rays (N, 3), z = 1, in C of pixels (N, 2)."""
         points = points_px[:, None].astype(np.float64)
         flat = cv2.undistortPoints(points, self._K, self._distortion, R=self._R_C_raw, criteria=_UNDISTORTED)
-        return np.column_stack((flat.reshape(-1, 2), np.ones(len(flat))))
+        rays = np.ones((len(flat), 3))
+        rays[:, :2] = flat[:, 0]
+        return rays
 
     def pixels(self, points_C: FloatArray) -> Float32Array:
         """Return the pixels (N, 2) that show points (N, 3) in C."""
@@ -55,8 +57,7 @@ def detail(image: GreyImage, divisor: int) -> GreyImage:
     some = np.abs(about_mean[::_EVERY_PX, ::_EVERY_PX]).ravel()
     usual = float(np.partition(some, some.size // 2)[some.size // 2])
     gain = _USUAL_CONTRAST / max(usual, _USUAL_CONTRAST / _MOST_GAIN)
-    stretched: GreyImage = cv2.convertScaleAbs(about_mean + np.float32(_MIDDLE / gain), alpha=gain)
-    return stretched
+    return cv2.convertScaleAbs(about_mean, alpha=gain, beta=_MIDDLE)  # type: ignore[return-value]
 
 
 def _reduced(image: GreyImage, divisor: int) -> FloatImage:
@@ -89,17 +90,22 @@ def tracked(
 ) -> tuple[Float32Array, BoolArray]:
     """Return where `points_px` (N, 2) of one picture are in another, and which, followed back, end where they began."""
     there_px, found = followed(before, after, points_px, guess_px, levels)
-    back_px, returned = followed(after, before, there_px, points_px, 0)
+    back_px, returned = followed(after, before, there_px, points_px, 0, _STOP_NEAR)
     closed = np.abs(back_px - points_px).max(axis=1, initial=0.0) < _MOST_RETURN_PX
     return there_px, found & returned & closed
 
 
 def followed(
-    before: GreyImage, after: GreyImage, points_px: Float32Array, guess_px: Float32Array, levels: int
+    before: GreyImage,
+    after: GreyImage,
+    points_px: Float32Array,
+    guess_px: Float32Array,
+    levels: int,
+    stop: tuple[int, int, float] | None = None,
 ) -> tuple[Float32Array, BoolArray]:
     """Return where `points_px` (N, 2) of one picture are in another, and which of them were found there.
 
-    The search begins at `guess_px`, in a picture reduced `levels` times by a half.
+    The search begins at `guess_px`, in a picture reduced `levels` times by a half, and ends at `stop`, else `_STOP`.
     """
     there_px, status, _ = cv2.calcOpticalFlowPyrLK(
         before,
@@ -108,8 +114,8 @@ def followed(
         guess_px[:, None].copy(),
         winSize=_WINDOW_PX,
         maxLevel=levels,
-        criteria=_STOP,
-        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        criteria=stop or _STOP,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW | cv2.OPTFLOW_LK_GET_MIN_EIGENVALS,  # which cost less than OpenCV's errors
     )
     return there_px.reshape(-1, 2).astype(np.float32), status.ravel() == 1
 
@@ -118,7 +124,7 @@ def is_ambiguous(left: GreyImage, right: GreyImage, corner_px: Float32Array, mat
     """Return whether what is about a corner (2,) of the left eye is found in the right one not only at `matched_px`
     (2,), but nearly as well further along the row."""
     half, above = _WINDOW_PX[0] // 2, _ROWS_APART_PX
-    (u, v), (u_there, v_there) = np.rint(corner_px).astype(int), np.rint(matched_px).astype(int)
+    (u, v), (u_there, v_there) = (map(round, point_px.tolist()) for point_px in (corner_px, matched_px))
     height, width = left.shape
     first, last = max(0, u_there - _ALONG_PX), min(width, u_there + _ALONG_PX + 1)
     inside = half <= u < width - half and half <= v < height - half and first + half <= u_there < last - half
@@ -128,13 +134,15 @@ def is_ambiguous(left: GreyImage, right: GreyImage, corner_px: Float32Array, mat
     row = right[v_there - half - above : v_there + half + above + 1, first:last]
     likeness = cv2.matchTemplate(row, window, cv2.TM_CCOEFF_NORMED).max(axis=0)
     here = u_there - first - half
-    peaks = 1 + np.flatnonzero((likeness[1:-1] >= likeness[:-2]) & (likeness[1:-1] >= likeness[2:]))
-    elsewhere = likeness[peaks[np.abs(peaks - here) > 1]].max(initial=-1.0)
+    middle = likeness[1:-1]
+    peaks = (middle >= likeness[:-2]) & (middle >= likeness[2:])
+    peaks[max(0, here - 2) : here + 1] = False
+    elsewhere = middle[peaks].max(initial=-1.0)
     return bool(elsewhere > _ALIKE * likeness[max(0, here - 1) : here + 2].max())
 
 
 _ORIGIN = np.zeros(3)
-_UNDISTORTED = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-6)
+_UNDISTORTED = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-4)
 """Steps at most, and in px what ends them: OpenCV's five steps leave 0.1 px at a picture's corner."""
 _NEIGHBOURHOOD_PX = (21, 21)
 """Of the local mean: twice the window that is followed."""
@@ -159,6 +167,8 @@ _WINDOW_PX = (11, 11)
 """Followed about a corner: more would reach over edges in depth."""
 _STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.01)
 """Steps at most, and in px the step that ends the search: below the noise, so that no trace of the guess is left."""
+_STOP_NEAR = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 5, 0.1)
+"""Where only `_MOST_RETURN_PX` is asked."""
 _GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])
 """Steps that fill the unit square evenly (Roberts' sequence)."""
 _ROWS_APART_PX = 2

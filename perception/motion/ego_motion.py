@@ -113,8 +113,9 @@ class VisualOdometer:
         """Return about how far from where they are foretold corners may be."""
         if inner.foretold is None:
             return math.inf
-        deviations = np.sqrt(np.diag(inner.foretold))
-        return self._settings.f_px * step_s * float(deviations[:3].max() + deviations[3:].max() / _USUAL_DEPTH_M)
+        variances = inner.foretold.diagonal().tolist()
+        rate_radps, velocity_mps = math.sqrt(max(variances[:3])), math.sqrt(max(variances[3:]))
+        return self._settings.f_px * step_s * (rate_radps + velocity_mps / _USUAL_DEPTH_M)
 
     def _motion_within(self, before: View, t_exposure_ns: int, left: GreyImage, inner: InnerMotion) -> EgoMotion | None:
         step_s = 1e-9 * (t_exposure_ns - before.t_exposure_ns)
@@ -124,10 +125,11 @@ class VisualOdometer:
         seen_px, good = tracked(before.left, left, before.corners_px, guess_px, levels)
         if np.count_nonzero(good) < self.least_tracks:
             return None
-        to_s = step_s + self._stereo.row_times_s(seen_px[good])
-        disparity = self._stereo.baseline_m / before.points_C[good, 2]
-        points = PointsInStep(before.points_C[good], disparity, before.row_time_s[good], to_s, inner)
-        step = solve(points, self._stereo.left.rays_C(seen_px[good])[:, :2], inner.foretold, self._settings)
+        seen_px, points_C = seen_px[good], before.points_C[good]
+        to_s = step_s + self._stereo.row_times_s(seen_px)
+        disparity = self._stereo.baseline_m / points_C[:, 2]
+        points = PointsInStep(points_C, disparity, before.row_time_s[good], to_s, inner)
+        step = solve(points, self._stereo.left.rays_C(seen_px)[:, :2], inner.foretold, self._settings)
         if step is None:
             return None
         noise = inner.noise if step.likely else steady_motion(self._last_rates).noise

@@ -9,6 +9,7 @@ with velocity v and the samples at rest, w₀ and sf₀, as they are foretold, a
 lacks over a step, a constant rate and a constant velocity, is left to what the camera sees.
 """
 
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,12 +41,8 @@ class InnerMotion:
 
     def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return R (n, 3, 3) and p (n, 3) at `t_s` (n,): on the line between two samples, which are close together."""
-        after = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
-        before = after - 1
-        share = ((t_s - self.t_s[before]) / (self.t_s[after] - self.t_s[before]))[:, None]
-        R: FloatArray = self.R[before] + share[..., None] * (self.R[after] - self.R[before])
-        p_m: FloatArray = self.p_m[before] + share * (self.p_m[after] - self.p_m[before])
-        return R, p_m
+        poses = interpolated(t_s, self.t_s, np.concatenate((self.R.reshape(-1, 9), self.p_m), axis=1))
+        return poses[:, :9].reshape(-1, 3, 3), poses[:, 9:]
 
 
 def steady_motion(rates: FloatArray) -> InnerMotion:
@@ -91,22 +88,23 @@ class RecentSamples:
             rate = vec3.minus(vec3.between(w_before, w_after, 0.5), at_rest)
             q = so3.multiply(q, so3.quaternion_from_rotvec(vec3.scaled(rate, 1e-9 * (after_ns - before_ns))))
             quaternions.append(q)
-        times_s = 1e-9 * np.array([each[0] - t_ns for each in samples], dtype=np.float64)
-        beginning = so3.conjugate(_at(times_s, quaternions, 0.0))
+        sampled_s = [1e-9 * (each[0] - t_ns) for each in samples]
+        beginning = so3.conjugate(_at(sampled_s, quaternions, 0.0))
         turned = [so3.multiply(beginning, q) for q in quaternions]
+        times_s = np.array(sampled_s)
         R = np.array([so3.rows_from_quaternion(q) for q in turned]).reshape(-1, 3, 3)
-        p_C = (R - np.eye(3)) @ self._p_BC_m @ self._R_BC
+        p_C = (R @ self._p_BC_m - self._p_BC_m) @ self._R_BC
         R_C = self._R_BC.T @ R @ self._R_BC
         if known is None:
             return InnerMotion(times_s, R_C, p_C + np.outer(times_s, v_C_mps), None, _TURNS_ONLY_NOISE)
         foretold_s = 1e-9 * (known.t_ns - t_ns)
-        R_then = so3.matrix_from_quaternion(_at(times_s, turned, foretold_s))
+        R_then = so3.matrix_from_quaternion(_at(sampled_s, turned, foretold_s))
         sf_B = np.array([sf for _, sf, _ in samples])
-        acceleration = np.einsum("nij,nj->ni", R, sf_B) - R_then @ known.sf_at_rest_mps2
+        acceleration = (R @ sf_B[:, :, None])[:, :, 0] - R_then @ known.sf_at_rest_mps2
         velocity = R_then @ known.v_B_mps + _less_that_at(foretold_s, times_s, integral(times_s, acceleration))
         p_C += _less_that_at(0.0, times_s, integral(times_s, velocity)) @ self._R_BC
-        to_C = np.kron(np.eye(2), self._R_BC.T @ R_then)
-        return InnerMotion(times_s, R_C, p_C, to_C @ known.covariance @ to_C.T, np.zeros(6))
+        covariance = so3.pair_covariance_turned(self._R_BC.T @ R_then, known.covariance)
+        return InnerMotion(times_s, R_C, p_C, covariance, np.zeros(6))
 
     def _around(self, from_ns: int, to_ns: int, known_to_ns: int) -> list[tuple[int, Vec3, Vec3]] | None:
         """Return the samples from the last one before `from_ns` on, the newest repeated at `to_ns` if that is later."""
@@ -121,9 +119,9 @@ class RecentSamples:
         return samples if newest_ns >= to_ns else [*samples, (to_ns, sf_B, w_B)]
 
 
-def _at(times_s: FloatArray, quaternions: Sequence[Quaternion], t_s: float) -> Quaternion:
-    after = int(np.clip(np.searchsorted(times_s, t_s), 1, len(times_s) - 1))
-    share = float((t_s - times_s[after - 1]) / (times_s[after] - times_s[after - 1]))
+def _at(times_s: Sequence[float], quaternions: Sequence[Quaternion], t_s: float) -> Quaternion:
+    after = min(max(bisect_left(times_s, t_s), 1), len(times_s) - 1)
+    share = (t_s - times_s[after - 1]) / (times_s[after] - times_s[after - 1])
     return so3.slerp(quaternions[after - 1], quaternions[after], share)
 
 

@@ -64,50 +64,53 @@ class RigidStepSettings:
 
 class PointsInStep:
     """N points at `points_C` (N, 3), of `disparity` (N,) in units of the focal length, exposed at `from_s` and seen
-    again at `to_s` (N,), as `inner` has them move."""
+    again at `to_s` (N,), as `inner` has them move.
+
+    Within this module coordinates come first, (3, N): numpy then runs along the points.
+    """
 
     def __init__(
         self, points_C: FloatArray, disparity: FloatArray, from_s: FloatArray, to_s: FloatArray, inner: InnerMotion
     ) -> None:
-        self._points_C, self._from_s, self._to_s = points_C, from_s[:, None], to_s
-        self._disparity = disparity
-        (R0, p0), (R1, p1) = inner.at(from_s), inner.at(to_s)
-        self._R1T = R1.transpose(0, 2, 1)
-        self._R10 = self._R1T @ R0
-        self._shift = np.einsum("nij,nj->ni", self._R1T, p0 - p1)
-        self._intervals_s = to_s - from_s
+        count = len(points_C)
+        R, p_m = inner.at(np.concatenate((from_s, to_s)))
+        R0, R1T = R[:count], R[count:].transpose(0, 2, 1)
+        travel = p_m[:count] - p_m[count:]
+        # R₁ᵀ times [ R₀ (−t₀ [X]×) | −(t₁ − t₀) | R₀ X + p₀ − p₁ | p₀ − p₁ ]
+        inside = np.zeros((count, 3, 8))
+        inside[:, :, :3] = R0 @ _across(points_C * -from_s[:, None])
+        inside[:, 0, 3] = inside[:, 1, 4] = inside[:, 2, 5] = from_s - to_s
+        inside[:, :, 6] = (R0 @ points_C[:, :, None])[:, :, 0] + travel
+        inside[:, :, 7] = travel
+        seen = np.ascontiguousarray((R1T @ inside).transpose(2, 1, 0))
+        self._by_rates, self._steady, self._travel = seen[:6], seen[6], seen[7]
+        self._intervals_s, self._to_s, self._disparity = to_s - from_s, to_s, disparity
 
     def moved(self, rates: FloatArray) -> FloatArray:
-        """Return X' (N, 3) of (1)."""
-        turn, velocity = rates[:3], rates[3:]
-        before = self._points_C - self._from_s * (self._points_C @ so3.skew(turn))
-        after = np.einsum("nij,nj->ni", self._R10, before) + self._shift
-        after -= self._intervals_s[:, None] * (self._R1T @ velocity)
-        return _turned_back(after, turn, self._to_s)
+        """Return X' (3, N) of (1)."""
+        after = self._steady + (rates @ self._by_rates.reshape(6, -1)).reshape(3, -1)
+        return _turned_back(after, rates[:3], self._to_s)
 
-    def shift(self, moved_C: FloatArray, rates: FloatArray) -> FloatArray:
-        """Return h (N, 2) of (2), at X' = `moved_C`."""
-        travel = self._shift - self._intervals_s[:, None] * (self._R1T @ rates[3:])
-        across = travel[:, :2] - moved_C[:, :2] * (travel[:, 2:] / moved_C[:, 2:])
-        shift: FloatArray = across / (moved_C[:, 2] * self._disparity)[:, None]
+    def shift(self, picture: FloatArray, depth: FloatArray, rates: FloatArray) -> FloatArray:
+        """Return h (2, N) of (2), at X' that `picture` (2, N) shows at `depth` (N,)."""
+        travel = self._travel + (rates[3:] @ self._by_rates[3:].reshape(3, -1)).reshape(3, -1)
+        shift: FloatArray = (travel[:2] - picture * travel[2]) / (depth * self._disparity)
         return shift
 
     def relative(self, correction: FloatArray) -> FloatArray:
         """Return by what share a `correction` (N,) of its disparity brings each point nearer."""
         return correction / self._disparity
 
-    def flow(self, moved_C: FloatArray) -> FloatArray:
-        """Return ∂(x, y)/∂(δω, δv) of (1), (N, 2, 6), at X' = `moved_C`."""
-        inverse = 1.0 / moved_C[:, 2]
-        x, y = moved_C[:, 0] * inverse, moved_C[:, 1] * inverse
-        flow = np.zeros((len(x), 2, 6))
-        flow[:, 0, 0], flow[:, 0, 1], flow[:, 0, 2] = x * y, -1.0 - x * x, y
-        flow[:, 1, 0], flow[:, 1, 1], flow[:, 1, 2] = 1.0 + y * y, -x * y, -x
-        by_v = np.zeros((len(x), 2, 3))
-        by_v[:, 0, 0] = by_v[:, 1, 1] = -inverse
-        by_v[:, 0, 2], by_v[:, 1, 2] = x * inverse, y * inverse
-        flow[:, :, 3:] = by_v @ self._R1T
-        flow *= self._intervals_s[:, None, None]
+    def flow(self, picture: FloatArray, depth: FloatArray) -> FloatArray:
+        """Return ∂(x, y)/∂(δω, δv) of (1), (6, 2, N), at X' that `picture` (2, N) shows at `depth` (N,)."""
+        x, y = picture
+        dt = self._intervals_s
+        x_dt, y_dt = x * dt, y * dt
+        flow = np.empty((6, 2, len(depth)))
+        flow[0, 0], flow[1, 0], flow[2, 0] = x * y_dt, -dt - x * x_dt, y_dt
+        flow[0, 1], flow[1, 1], flow[2, 1] = dt + y * y_dt, -flow[0, 0], -x_dt
+        by_v = self._by_rates[3:]
+        flow[3:] = (by_v[:, :2] - picture * by_v[:, 2:]) / depth
         return flow
 
 
@@ -119,13 +122,15 @@ def solve(
     `foretold` is the covariance (6, 6) of δω and δv before anything is seen, None where nothing is known.
     """
     moved_C = points.moved(np.zeros(6))
-    if moved_C[:, 2].min() < _LEAST_DEPTH_M:
+    if moved_C[2].min() < _LEAST_DEPTH_M:
         return None
-    misfit = (seen - moved_C[:, :2] / moved_C[:, 2:]) * (settings.f_px / settings.agreeing_px)
+    seen = np.ascontiguousarray(seen.T)
+    picture = moved_C[:2] / moved_C[2]
+    misfit = (seen - picture) * (settings.f_px / settings.agreeing_px)
     start = np.zeros(6)
     prior = np.linalg.inv(_likely(foretold, settings)).astype(np.float64)
-    if _share(misfit) < settings.enough * len(misfit):
-        flow = points.flow(moved_C) * (settings.f_px / settings.agreeing_px)
+    if _share(misfit) < settings.enough * misfit.shape[1]:
+        flow = points.flow(picture, moved_C[2]) * (settings.f_px / settings.agreeing_px)
         start = _shared(misfit, flow, prior, settings)
     return _refined(points, seen, start, prior, settings)
 
@@ -133,36 +138,37 @@ def solve(
 def _likely(foretold: FloatArray | None, s: RigidStepSettings) -> FloatArray:
     """Return the covariance (6, 6) of motions that are likely."""
     if foretold is None:
-        return np.diag(np.repeat((s.unforetold_radps**2, s.unforetold_mps**2), 3))
-    return foretold + np.diag(np.repeat((s.least_likely_radps**2, s.least_likely_mps**2), 3))
+        return np.diag([s.unforetold_radps**2] * 3 + [s.unforetold_mps**2] * 3)
+    return foretold + np.diag([s.least_likely_radps**2] * 3 + [s.least_likely_mps**2] * 3)
 
 
 def _share(misfit: FloatArray) -> FloatArray:
-    """Return how many points (…) agree, those in between by their share; `misfit` is (N, 2, …), 1 as far as agrees."""
-    share: FloatArray = np.maximum(1.0 - (misfit**2).sum(axis=1), 0.0).sum(axis=0)
+    """Return how many points (…) agree, those in between by their share; `misfit` is (…, 2, N), 1 as far as agrees."""
+    share: FloatArray = np.maximum(1.0 - (misfit * misfit).sum(axis=-2), 0.0).sum(axis=-1)
     return share
 
 
 def _is_likely(motion: FloatArray, prior: FloatArray, settings: RigidStepSettings) -> BoolArray:
     """Return for motions (…, 6) whether they are; `prior` is the inverse of their covariance."""
-    square = np.einsum("...i,ij,...j", motion, prior, motion)
+    square = ((motion @ prior) * motion).sum(axis=-1)
     likely: BoolArray = square < 6.0 * settings.likely_sigmas**2
     return likely
 
 
 def _shared(misfit: FloatArray, flow: FloatArray, prior: FloatArray, settings: RigidStepSettings) -> FloatArray:
     """Return the motion (6,) that most points share, of what is foretold and of those that few points have each."""
-    chance = np.random.default_rng(len(misfit))
+    points = misfit.shape[1]
+    chance = np.random.default_rng(points)
     motions = [np.zeros((1, 6))]
     for count, part, tries in ((2, slice(3, 6), _PAIRS), (3, slice(0, 6), _TRIPLETS)):
-        chosen = chance.integers(0, len(misfit), (tries, count))
-        F, r = flow[chosen][..., part].reshape(tries, 2 * count, -1), misfit[chosen].reshape(tries, 2 * count, 1)
-        FT = F.transpose(0, 2, 1)
+        chosen = chance.integers(0, points, (tries, count))
+        FT = flow[part][:, :, chosen].transpose(2, 0, 1, 3).reshape(tries, -1, 2 * count)
+        r = misfit[:, chosen].transpose(1, 0, 2).reshape(tries, 2 * count, 1)
         motion = np.zeros((tries, 6))
-        motion[:, part] = np.linalg.solve(FT @ F + _RIDGE * prior[part, part], FT @ r)[..., 0]
+        motion[:, part] = np.linalg.solve(FT @ FT.transpose(0, 2, 1) + _RIDGE * prior[part, part], FT @ r)[..., 0]
         motions.append(motion)
     tried = np.concatenate(motions)
-    share = _share(misfit[:, :, None] - flow @ tried.T)
+    share = _share(misfit - (tried @ flow.reshape(6, -1)).reshape(-1, 2, points))
     share[~_is_likely(tried, prior, settings)] /= settings.surprise
     best: FloatArray = tried[int(np.argmax(share))]
     return best
@@ -171,52 +177,61 @@ def _shared(misfit: FloatArray, flow: FloatArray, prior: FloatArray, settings: R
 def _refined(
     points: PointsInStep, seen: FloatArray, rates: FloatArray, prior: FloatArray, settings: RigidStepSettings
 ) -> RigidStep | None:
-    """Return the motion by Gauss-Newton on (1) with Tukey's weights, from `rates` on."""
+    """Return the motion by Gauss-Newton on (1) with Tukey's weights, from `rates` on; `seen` is (2, N)."""
     quiet, most = settings.least_noise_px / settings.f_px, settings.most_noise_px / settings.f_px
     agreeing, settled = settings.agreeing_px / settings.f_px, settings.settled_px / settings.f_px
     for _ in range(settings.rounds):
         moved_C = points.moved(rates)
-        if moved_C[:, 2].min() < _LEAST_DEPTH_M:
+        depth = moved_C[2]
+        if depth.min() < _LEAST_DEPTH_M:
             return None
-        misfit, h = seen - moved_C[:, :2] / moved_C[:, 2:], points.shift(moved_C, rates)
-        along, share = (h * misfit).sum(axis=1), 1.0 / (1.0 + (h**2).sum(axis=1))
+        picture = moved_C[:2] / depth
+        misfit, h = seen - picture, points.shift(picture, depth, rates)
+        along, share = (h * misfit).sum(axis=0), 1.0 / (1.0 + (h * h).sum(axis=0))
         correction = share * along
-        distance = np.sqrt((misfit**2).sum(axis=1) - along * correction)
+        distance = np.sqrt((misfit * misfit).sum(axis=0) - along * correction)
         near = distance[distance < agreeing]
         if len(near) < settings.least_points:
             return None
         noise = max(quiet, float(np.partition(near, len(near) // 2)[len(near) // 2]) / _MEDIAN_OF_RAYLEIGH)
         weight = np.maximum(1.0 - (distance / (_TUKEY_SIGMAS * noise)) ** 2, 0.0) ** 2
-        flow = points.flow(moved_C)
-        flow[:, :, 3:] *= 1.0 + np.where(weight > 0.0, points.relative(correction), 0.0)[:, None, None]
-        weighted = flow - (share[:, None] * h)[:, :, None] * (h[:, None] @ flow)
-        weighted *= weight[:, None, None]
-        F, WF = flow.reshape(-1, 6), weighted.reshape(-1, 6)
+        flow = points.flow(picture, depth)
+        flow[3:] *= 1.0 + np.where(weight > 0.0, points.relative(correction), 0.0)
+        weighted = weight * (flow - h * (share * (h * flow).sum(axis=1))[:, None])
+        FT, WFT = flow.reshape(6, -1), weighted.reshape(6, -1)
         try:
-            inverse = np.linalg.inv(WF.T @ F)
+            inverse = np.linalg.inv(WFT @ FT.T)
         except np.linalg.LinAlgError:
             return None
-        change = inverse @ (WF.T @ misfit.reshape(-1))
+        change = inverse @ (WFT @ misfit.reshape(-1))
         rates = rates + change
-        if float(np.abs(F @ change).max()) < settled:
+        if float(np.abs(change @ FT).max()) < settled:
             break
     inliers = int(np.count_nonzero(distance < _INLIER_SIGMAS * noise))
     likely = bool(_is_likely(rates, prior, settings))
-    least = settings.least_points if likely else max(settings.least_surprising, settings.majority * len(misfit))
+    least = settings.least_points if likely else max(settings.least_surprising, settings.majority * seen.shape[1])
     if noise > most or inliers < least:
         return None
     return RigidStep(rates, noise**2 * inverse, inliers, likely)
 
 
+def _across(vectors: FloatArray) -> FloatArray:
+    """Return [v]× (N, 3, 3) of each of `vectors` (N, 3)."""
+    across = np.zeros((len(vectors), 3, 3))
+    across[:, 2, 1], across[:, 0, 2], across[:, 1, 0] = vectors.T
+    across -= across.transpose(0, 2, 1)
+    return across
+
+
 def _turned_back(points: FloatArray, rate: FloatArray, times_s: FloatArray) -> FloatArray:
-    """Return exp(−[rate]× t) X for points (N, 3), each with its own t (N,)."""
+    """Return exp(−[rate]× t) X for points (3, N), each with its own t (N,)."""
     rate_radps = math.hypot(*rate)
     if rate_radps == 0.0:
         return points
-    across = so3.skew(rate / rate_radps).T
-    angles_rad = -rate_radps * times_s[:, None]
-    once = points @ across
-    turned: FloatArray = points + np.sin(angles_rad) * once + (1.0 - np.cos(angles_rad)) * (once @ across)
+    across = so3.skew(rate / rate_radps)
+    angles_rad = -rate_radps * times_s
+    once = across @ points
+    turned: FloatArray = points + np.sin(angles_rad) * once + (1.0 - np.cos(angles_rad)) * (across @ once)
     return turned
 
 

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from messages import Calibration, Frame, ImuSample, Reason, StereoFrame, UnitCalibration, vec3
+from perception import so3
 from perception.attitude.camera_step import CameraStep
 from perception.attitude.foretold import MotionForetold
 from perception.attitude.imu_model import corrected
@@ -82,13 +83,13 @@ class MotionWatch:
 
     def _step_in_B(self, motion: EgoMotion) -> CameraStep:
         duration_s = 1e-9 * (motion.t_after_ns - motion.t_before_ns)
-        to_B = duration_s * np.kron(np.eye(2), self._R_BC)
+        to_B = duration_s * self._R_BC
         return CameraStep(
             motion.t_before_ns,
             motion.t_after_ns,
-            vec3(duration_s * self._R_BC @ motion.w_C_radps),
-            vec3(duration_s * self._R_BC @ motion.v_C_mps),
-            to_B @ motion.covariance @ to_B.T,
+            vec3(to_B @ motion.w_C_radps),
+            vec3(to_B @ motion.v_C_mps),
+            so3.pair_covariance_turned(to_B, motion.covariance),
             self._p_BC_m,
         )
 

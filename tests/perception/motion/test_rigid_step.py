@@ -24,9 +24,8 @@ def ground(chance: np.random.Generator, count: int) -> FloatArray:
 
 def seen(chance: np.random.Generator, points: PointsInStep, rates: FloatArray) -> FloatArray:
     moved_C = points.moved(rates)
-    noisy: FloatArray = moved_C[:, :2] / moved_C[:, 2:] + chance.normal(
-        0.0, NOISE_PX / SETTINGS.f_px, (len(moved_C), 2)
-    )
+    noise = chance.normal(0.0, NOISE_PX / SETTINGS.f_px, (moved_C.shape[1], 2))
+    noisy: FloatArray = (moved_C[:2] / moved_C[2]).T + noise
     return noisy
 
 
