@@ -254,12 +254,30 @@ class AttitudeKalman:
         state.ground = GroundMotion()
         for motion in (ROTATION, VELOCITY, DRIFT, TRAVEL, BEGINNING, GROUND, GROUND_TURN):
             P[motion, :] = P[:, motion] = 0.0
-        # g θ × e_z = R_WB δa
-        tilt_of_bias = _CROSS_UP.T @ so3.matrix_from_quaternion(state.q_WB) / self.settings.gravity_mps2
+        tilt_of_bias = self._tilt_of_bias(state)
         P[ROTATION, :] = tilt_of_bias @ P[SF_BIAS, :]
         P[:, ROTATION] = P[ROTATION, :].T
         P[ROTATION, ROTATION] = tilt_of_bias @ P[SF_BIAS, SF_BIAS] @ tilt_of_bias.T + np.diag((1, 1, 0)) * tilt_rad**2
         P[VELOCITY, VELOCITY] = P[DRIFT, DRIFT] = np.eye(3) * speed_mps**2
+
+    def _tilt_of_bias(self, state: AttitudeState) -> FloatArray:
+        """Return ∂θ/∂δa (3, 3) of a vertical that leans as the accelerometer's bias makes it: g θ × e_z = R_WB δa."""
+        tilt_of_bias: FloatArray = _CROSS_UP.T @ so3.matrix_from_quaternion(state.q_WB) / self.settings.gravity_mps2
+        return tilt_of_bias
+
+    def _widen_residual(self, state: AttitudeState) -> None:
+        """Let the accelerometer's bias, and the tilt with it, be as uncertain on every axis as the specific force of
+        this rest is longer or shorter than gravity, where that is more than the calibration's residual explains."""
+        settings, P = self.settings, state.covariance
+        excess_mps2 = math.hypot(*vec3.minus(state.rest.mean_sf_B, state.sf_bias)) - settings.gravity_mps2
+        known_var = float(np.diag(P[SF_BIAS, SF_BIAS]).max())
+        if abs(excess_mps2) <= settings.excess_sigmas * math.hypot(math.sqrt(known_var), settings.gravity_std_mps2):
+            return
+        more_var, tilt_of_bias = excess_mps2**2 - known_var, self._tilt_of_bias(state)
+        P[SF_BIAS, SF_BIAS] += more_var * _I3
+        P[ROTATION, SF_BIAS] += more_var * tilt_of_bias
+        P[SF_BIAS, ROTATION] += more_var * tilt_of_bias.T
+        P[ROTATION, ROTATION] += more_var * tilt_of_bias @ tilt_of_bias.T
 
     def integrate(self, state: AttitudeState, sample: Sample, dt_s: float) -> None:
         """(1) and (2) by the trapezoidal rule."""
@@ -314,6 +332,8 @@ class AttitudeKalman:
         variance = max(state.covariance[6, 6], state.covariance[7, 7]) + settings.sway_mps**2
         stands_still = math.hypot(*state.v_W[:2]) <= _FAR_SIGMAS * math.sqrt(variance)
         at_rest = self.at_rest(state)
+        if at_rest:
+            self._widen_residual(state)
         state.resting = at_rest and (state.resting or stands_still)
         return (at_rest and not state.resting) or math.hypot(*state.drift_W[:2]) > settings.drift_limit_mps
 

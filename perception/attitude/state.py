@@ -80,6 +80,7 @@ class AttitudeSettings:
     """
 
     gravity_mps2: float = STANDARD_GRAVITY_MPS2
+    gravity_std_mps2: float = 0.015  # from place to place
     gyro_noise_radps_rthz: float = math.radians(0.01)
     gyro_bias_walk_radps_rts: float = math.radians(0.002)
     gyro_bias_radps: float = math.radians(2.0)  # what a change of temperature leaves of a calibrated bias
@@ -112,6 +113,9 @@ class AttitudeSettings:
     detection_delay_s: float = 0.1
     # A velocity that contradicts rest, or any walk, adds to the variance of the attitude.
     runaway_rad_rts: float = math.radians(0.5)
+    # Standard deviations beyond which a specific force at rest is not gravity: the accelerometer is worse than the
+    # calibration's residual says.
+    excess_sigmas: float = 3.0
     # A start from rest, and in motion: from the mean specific force, at some pace, somewhere in its swing. For
     # `pace_unknown_s`, also after a rest, the pace may change as much as it is unknown: the tilt does not yet tell a
     # stop from a lean.

@@ -103,6 +103,17 @@ def test_walking_with_heel_strikes_turns_and_stops_stays_level(seed: int) -> Non
     assert told.largest_deg(1.5) <= 1.0
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_an_accelerometer_worse_than_calibrated_is_noticed_where_it_stands_and_told(seed: int) -> None:
+    sound = with_mpu6050_noise(hip_motion([(8.0, 20.0)], 20.0, seed), seed)
+    lengthening = np.sign(sound.sf_B[:100].mean(axis=0))
+    told = run(replace(sound, sf_B=sound.sf_B + 0.025 * STANDARD_GRAVITY_MPS2 * lengthening), CALIBRATED)
+    assert told.largest_deg(1.5) > 0.8
+    assert told.coverage(1.5) >= 0.95
+    assert set(told.reasons[150:]) == {Reason.NONE}
+    assert tilt_sigma_deg(fed(sound, CALIBRATED)) < 0.4, "not so where it is as good as calibrated"
+
+
 @pytest.mark.long
 def test_stated_tilt_covariance_holds_over_units_drawn_from_the_calibrations_residual() -> None:
     runs = []
