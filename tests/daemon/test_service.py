@@ -212,7 +212,7 @@ def test_background_work_runs_until_the_end(calibration: Calibration) -> None:
         Stamper("test", "boot", Source.LIVE),
         background={"work": work},
     )
-    service.run(0.3)
+    service.run(20.0, each_s=0.02, status=lambda: service.stop() if len(calls) > 3 else None)
     count = len(calls)
     time.sleep(0.05)
     assert count > 3
@@ -237,9 +237,15 @@ def test_what_was_learnt_is_kept_while_running_and_at_the_end(
             state_keeper=StateKeeper(path, calibration),
         )
 
-    kept: list[bool] = []
-    service(first, 0.05).run(0.4, each_s=0.05, status=lambda: kept.append(path.exists()))
-    assert kept[-1]
+    running, kept = service(first, 0.05), list[bool]()
+
+    def watch() -> None:
+        kept.append(path.exists())
+        if kept[-1]:
+            running.stop()
+
+    running.run(20.0, each_s=0.05, status=watch)
+    assert kept[-1], "kept while running"
     later = msgspec.structs.replace(first, used_s=9.0)
     service(later, 60.0).run(0.1)
     assert StateKeeper(path, calibration).load() == later
@@ -249,10 +255,11 @@ class Hang:
     """Blocks every call until the test ends."""
 
     def __init__(self, answer: object) -> None:
-        self.over = threading.Event()
+        self.began, self.over = threading.Event(), threading.Event()
         self._answer = answer
 
     def __call__(self, *_args: object, **_options: object) -> object:
+        self.began.set()
         self.over.wait()
         return self._answer
 
@@ -261,7 +268,7 @@ class Hang:
 def test_a_thread_that_hangs_starves_the_watchdog_and_is_given_up(
     calibration: Calibration, where: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("daemon.service.LONGEST_JOIN_S", 0.2)
+    monkeypatch.setattr("daemon.service.LONGEST_JOIN_S", 1.0)
     rig, hang = Rig(calibration), Hang(() if where == "imu" else None)
     if where in ("imu", "camera"):
         monkeypatch.setattr(getattr(rig, where), "read", hang)
@@ -279,9 +286,16 @@ def test_a_thread_that_hangs_starves_the_watchdog_and_is_given_up(
         background={"can": background},
     )
     fed: list[bool] = []
+
+    def feed() -> None:
+        if hang.began.is_set():
+            fed.append(service.progress.all_advanced())
+            if len(fed) > 3 and service.progress.stuck == (where,):
+                service.stop()
+
     try:
         with pytest.raises(ServiceError, match=f"thread {where} of the service hangs"):
-            service.run(1.0, each_s=0.25, status=lambda: fed.append(service.progress.all_advanced()))
+            service.run(20.0, each_s=0.25, status=feed)
     finally:
         hang.over.set()
     assert service.progress.stuck == (where,)
