@@ -1,5 +1,6 @@
 """What `make run` starts, heard by both examples in processes of their own."""
 
+import re
 import subprocess
 import sys
 import threading
@@ -25,10 +26,10 @@ def endpoint() -> Iterator[str]:
         told = list[str]()
         for line in demo.stdout:
             told.append(line)
-            if "slope" in line:
+            if re.match(r" *[0-9.]+ s  ", line):  # its first second; when it sees the ground depends on the machine
                 break
         else:
-            pytest.fail("the demo ended before it saw the ground:\n" + "".join(told))
+            pytest.fail("the demo ended before it ran:\n" + "".join(told))
         drained = threading.Thread(target=demo.stdout.read)
         drained.start()
         yield listen
