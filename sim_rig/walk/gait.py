@@ -10,7 +10,7 @@ derivatives, on top of a planned way over the ground (`legs`):
 
 Frames: W with z up, x ahead and y left of a wearer who has not turned; B the IMU. R_WB = Rz(yaw) Ry(pitch) Rx(roll) ·
 R_worn, where R_worn pitches the device by 45° and a few degrees of the belt's own tilt. The six coordinates are those
-of B's origin. Where the ground itself moves (`ride`), W moves with it: only the IMU feels that.
+of B's origin. Where the ground itself moves (`ride`), W moves with it: only the IMU measures that.
 """
 
 from dataclasses import dataclass

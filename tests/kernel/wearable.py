@@ -1,6 +1,6 @@
 """All the devices of a wearable in this machine, and the files that tell the service where they are.
 
-The wearer stands: the chip feels gravity and nothing else, the camera shows one picture with ever new noise.
+The wearer stands: the chip measures gravity and nothing else, the camera shows one picture with ever new noise.
 """
 
 from pathlib import Path
