@@ -127,7 +127,7 @@ class Gait:
         if self._riding is None:
             return motion.sf_B_mps2, motion.w_WB_B_radps
         floor = self._riding.at(self._since_start_s(t_ns))
-        a_W = floor.felt_mps2(motion.p_WB_m, motion.v_WB_mps, motion.a_WB_mps2)
+        a_W = floor.acceleration_mps2(motion.p_WB_m, motion.v_WB_mps, motion.a_WB_mps2)
         w_B = motion.w_WB_B_radps + _into_B(motion.R_WB, floor.w_radps)
         return _into_B(motion.R_WB, a_W - GRAVITY_W_MPS2), w_B
 
