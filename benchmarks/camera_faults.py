@@ -9,18 +9,16 @@ IMU together, after the fault began; before it, and in the row without a fault, 
 error of 0.9 m after the correction where nothing is flagged.
 """
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from multiprocessing import Pool
-from pathlib import Path
 
 import msgspec
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.visual_inertial import START_NS, pace_of, walking_on
+from benchmarks.told_walks import START_NS, asked, attitudes, by_row, pace_of, walking_on
+from cli.console import write_json
 from lab.evaluation.told_steps import OdometerNoise, ToldStep, told_steps
 from messages import Reason, vec3
 from perception import so3
@@ -80,44 +78,25 @@ def of_one_unit(task: tuple[int, int, OdometerNoise]) -> Found:
     wearer = SimulatedWearer(seed, walking_on(pace_of(chance)), START_NS)
     track = AttitudeTrack(wearer.calibration)
     steps = faulty(told_steps(wearer, row.seconds, noise, seed), row, chance)
-    following = next(steps, None)
     fault_ns = START_NS + round(1e9 * (_SLIP_AT_S if row.slip_rad > 0.0 else 0.0))
     fault_ns = fault_ns if row.slip_rad > 0.0 or row.scale > 0.0 else 2**62
     false_alarm = False
-    for sample in wearer.offline_samples(row.seconds):
-        track.add_sample(sample)
-        while following is not None and following.t_told_ns <= sample.t_arrival_ns:
-            track.add_camera_step(following.step)
-            following = next(steps, None)
-            reason = track.contradiction
-            if reason is Reason.NONE:
-                track.checkpoint()
-            elif sample.t_sample_ns > fault_ns:
-                after_s = 1e-9 * (sample.t_sample_ns - fault_ns)
-                return Found(after_s=after_s, reason=reason.value, false_alarm=false_alarm, scale_left=np.nan)
-            else:
-                false_alarm = True
+    for attitude in attitudes(track, wearer.offline_samples(row.seconds), steps):
+        reason = track.contradiction
+        if reason is not Reason.NONE and attitude.t_sample_ns > fault_ns:
+            after_s = 1e-9 * (attitude.t_sample_ns - fault_ns)
+            return Found(after_s=after_s, reason=reason.value, false_alarm=false_alarm, scale_left=np.nan)
+        false_alarm = false_alarm or reason is not Reason.NONE
     left = (1.0 + row.scale) / (1.0 + track.distance_scale) - 1.0
     return Found(after_s=None, reason="", false_alarm=false_alarm, scale_left=left)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--units", type=int, default=20)
-    parser.add_argument("--first-seed", type=int, default=1000)
-    parser.add_argument("--rows", default="", help="only rows whose name begins with one of these, such as slip,toe-in")
-    parser.add_argument("--velocity-noise-mmps", type=float, default=6.0)
-    parser.add_argument("--rate-noise-degps", type=float, default=0.25)
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    noise = OdometerNoise(1e-3 * options.velocity_noise_mmps, float(np.radians(options.rate_noise_degps)))
-    chosen = [k for k, row in enumerate(ROWS) if row.name.startswith(tuple(options.rows.split(",")))]
-    seeds = range(options.first_seed, options.first_seed + options.units)
-    with Pool(2) as pool:
-        found = pool.map(of_one_unit, [(k, seed, noise) for k in chosen for seed in seeds], 1)
+    names = [row.name for row in ROWS]
+    options = asked(__doc__, names, units=20, velocity_noise_mmps=6.0, rate_noise_degps=0.25)
+    found = {ROWS[k]: list(units.values()) for k, units in by_row(of_one_unit, options).items()}
     table = Table("fault", "in time", "median s", "worst s", "reasons", "false alarms", "height left, RMS mm", "hours")
-    for place, k in enumerate(chosen):
-        row, units = ROWS[k], found[place * len(seeds) : (place + 1) * len(seeds)]
+    for row, units in found.items():
         times_s = [unit.after_s for unit in units if unit.after_s is not None]
         left = np.array([unit.scale_left for unit in units])
         left_mm = _HEIGHT_MM * np.sqrt(np.nanmean(left**2)) if np.isfinite(left).any() else np.nan
@@ -133,8 +112,7 @@ def main() -> None:
         )
     Console().print(table)
     if options.json is not None:
-        rows = {ROWS[k].name: found[p * len(seeds) : (p + 1) * len(seeds)] for p, k in enumerate(chosen)}
-        options.json.write_bytes(msgspec.json.encode(rows))
+        write_json(options.json, {row.name: units for row, units in found.items()})
 
 
 if __name__ == "__main__":

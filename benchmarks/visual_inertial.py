@@ -10,34 +10,29 @@ shares of all samples from the first valid one on. Beside it the same filter wit
 are for tuning.
 """
 
-import argparse
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from multiprocessing import Pool
-from pathlib import Path
 
 import msgspec
 import numpy as np
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
+from benchmarks.told_walks import START_NS, asked, attitudes, by_row, pace_of, walking_on
+from cli.console import write_json
 from lab.evaluation.attitude import coverage, tilt_errors_W, vqf_up_B
 from lab.evaluation.told_steps import OdometerNoise, ToldStep, told_steps
 from lab.faults.criteria import SIGMAS, WRONG_TILT_RAD
-from messages import Attitude, ImuSample, Reason, Status
+from messages import Attitude, ImuSample, Status
 from messages.arrays import BoolArray, FloatArray
 from perception import so3
 from perception.attitude.imu_model import corrected
 from perception.attitude.track import AttitudeTrack
 from sim_rig.imu.drift import Drift
-from sim_rig.walk.legs import Stand
 from sim_rig.walk.scenario import Pace, Scenario, scenario
-from sim_rig.walk.world import WorldBuilder
 from sim_rig.wearer import SimulatedWearer
 
-START_NS = 10_000_000_000
 _RATE_HZ = 100.0
 _JUMP_S, _COVERED_FROM_S = 15.0, 10.0
 _NEVER_S = 1e9
@@ -88,12 +83,6 @@ def named(name: str) -> Callable[[Pace, np.random.Generator], Scenario]:
 
 def starts(pace: Pace, chance: np.random.Generator) -> Scenario:
     return scenario("start", replace(pace, acceleration_mps2=float(chance.uniform(0.8, 2.0))))
-
-
-def walking_on(pace: Pace) -> Scenario:
-    """Return a walk on level ground without a stop, after 1.5 s at rest."""
-    world = WorldBuilder().level(20.0, "concrete").level(20.0, "asphalt").build()
-    return Scenario("walking on", "level ground without a stop", world, (Stand(1.5), pace.to(400.0), Stand(0.5)))
 
 
 def drifting(radps2: float) -> Callable[[Pace, np.random.Generator], Scenario]:
@@ -148,28 +137,6 @@ ROWS = (
 )
 
 
-def pace_of(chance: np.random.Generator) -> Pace:
-    """Return a pace with the cadence that people choose for its speed, about that of its square root."""
-    speed_mps = chance.uniform(0.8, 1.6)
-    return Pace(float(speed_mps), float(1.8 * np.sqrt(speed_mps / 1.2) + chance.normal(0.0, 0.05)))
-
-
-def attitudes(wearer: SimulatedWearer, samples: list[ImuSample], steps: list[ToldStep]) -> list[Attitude]:
-    """Return what the service would say after each sample: invalid while the IMU contradicts the camera."""
-    track, due = AttitudeTrack(wearer.calibration), iter(steps)
-    following = next(due, None)
-    said = []
-    for sample in samples:
-        attitude = track.add_sample(sample)
-        said.append(track.invalid_at(sample.t_sample_ns) if track.contradiction is not Reason.NONE else attitude)
-        while following is not None and following.t_told_ns <= sample.t_arrival_ns:
-            track.add_camera_step(following.step)
-            if track.contradiction is Reason.NONE:
-                track.checkpoint()
-            following = next(due, None)
-    return said
-
-
 def judged(said: list[Attitude], truth_R_WB: FloatArray) -> Judged:
     valid = np.array([attitude.status is Status.VALID for attitude in said])
     found = [attitude for attitude in said if attitude.status is Status.VALID]
@@ -197,12 +164,13 @@ def of_one_unit(task: tuple[int, int, OdometerNoise]) -> dict[str, Judged]:
     counts = t_ns >= START_NS + round(1e9 * row.from_s)
     truth = wearer.gait.at(t_ns).R_WB
 
-    def of(said: list[Attitude]) -> Judged:
+    def on(told: list[ToldStep]) -> Judged:
+        said = attitudes(AttitudeTrack(wearer.calibration), samples, iter(told))
         return judged([each for each, counted in zip(said, counts, strict=True) if counted], truth[counts])
 
     return {
-        _WITH: of(attitudes(wearer, samples, steps)),
-        _WITHOUT: of(attitudes(wearer, samples, [])),
+        _WITH: on(steps),
+        _WITHOUT: on([]),
         _VQF: vqf(wearer, samples, counts),
     }
 
@@ -248,31 +216,18 @@ def figures(units: dict[int, Judged]) -> Figures:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--units", type=int, default=8)
-    parser.add_argument("--first-seed", type=int, default=1000)
-    parser.add_argument("--rows", default="", help="only rows whose name begins with one of these, such as start,bus")
-    parser.add_argument("--velocity-noise-mmps", type=float, default=12.0)
-    parser.add_argument("--rate-noise-degps", type=float, default=0.4)
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    noise = OdometerNoise(1e-3 * options.velocity_noise_mmps, float(np.radians(options.rate_noise_degps)))
-    chosen = [k for k, row in enumerate(ROWS) if row.name.startswith(tuple(options.rows.split(",")))]
-    seeds = range(options.first_seed, options.first_seed + options.units)
-    tasks = [(index, seed, noise) for index in chosen for seed in seeds]
-    console = Console(width=150)
-    with Pool(2) as pool:
-        found = list(track(pool.imap(of_one_unit, tasks), "walking", len(tasks), console=Console(stderr=True)))
-
-    table = Table(title=f"Tilt error in degrees, units {seeds[0]} to {seeds[-1]}", title_justify="left")
+    names = [row.name for row in ROWS]
+    options = asked(__doc__, names, units=8, velocity_noise_mmps=12.0, rate_noise_degps=0.4)
+    found = by_row(of_one_unit, options)
+    first, last = options.seeds[0], options.seeds[-1]
+    table = Table(title=f"Tilt error in degrees, units {first} to {last}", title_justify="left")
     columns = ("RMS", "P99", "max", "in 95 %", "valid", "wrong", "in or not valid", "worst unit", "without: RMS")
     table.add_column("", no_wrap=True)
     for column in (*columns, "in 95 %", "wrong", "VQF: RMS"):
         table.add_column(column, justify="right")
     facts: dict[str, dict[str, Figures]] = {}
-    for place, index in enumerate(chosen):
-        units = found[place * len(seeds) : (place + 1) * len(seeds)]
-        by = {who: figures({s: unit[who] for s, unit in zip(seeds, units, strict=True)}) for who in units[0]}
+    for index, units in found.items():
+        by = {who: figures({seed: unit[who] for seed, unit in units.items()}) for who in (_WITH, _WITHOUT, _VQF)}
         facts[ROWS[index].name] = by
         ours, alone = by[_WITH], by[_WITHOUT]
         table.add_row(
@@ -284,9 +239,9 @@ def main() -> int:
             *(f"{100 * share:.1f}" for share in (alone.in_95, alone.wrong)),
             f"{by[_VQF].rms_deg:.2f}",
         )
-    console.print(table)
+    Console(width=150).print(table)
     if options.json is not None:
-        options.json.write_bytes(msgspec.json.format(msgspec.json.encode(facts)) + b"\n")
+        write_json(options.json, facts)
     return 0
 
 

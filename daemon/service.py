@@ -97,7 +97,7 @@ class Service:
         self._priorities = priorities
         ankle = ("ankle",) if devices.ankle is not None else ()
         self.progress = Progress(("imu", "camera", "timer", "pipeline", *ankle, *self._background))
-        """The rounds of the loops that must never hang; those that write files may, a slow disk blinds nobody."""
+        """The rounds of the loops that must never hang; those that write files may: no estimate waits for a disk."""
         self.latency = LatencyLog()
         self.beats_skipped = {"timer": 0}
         """Periods that came too late, of the loops that keep an absolute pace; each loop has its own count."""

@@ -14,17 +14,17 @@ arguments.add_argument("--accept-simulated", action="store_true")
 options = arguments.parse_args()
 receiver = GroundReceiver(accept_simulated=options.accept_simulated)
 try:
-    opened = can.Bus(options.channel, options.interface)
+    with can.Bus(options.channel, options.interface) as bus:
+        fresh_s = time.monotonic() + 0.5
+        while time.monotonic() < fresh_s:  # what came in while the bus was being opened is old
+            bus.recv(0.1)
+        for frame in bus:
+            ground = receiver.feed(frame.arbitration_id, bytes(frame.data), time.monotonic_ns())
+            if not isinstance(ground, Refusal):
+                slope = f"slope {ground.slope_sagittal_rad:.3f} ± {ground.slope_sagittal_sd_rad:.3f} rad"
+                height = f"height {ground.height_m:.3f} ± {ground.height_sd_m:.3f} m"
+                print("ground", ground.source.value, slope, height, f"age {ground.age_s:.3f} s", flush=True)
+            elif ground not in (Refusal.FIRST_HALF, Refusal.OTHER_MESSAGE):
+                print("refused", ground.value, receiver.reason, flush=True)
 except (can.CanError, OSError, ValueError) as error:
     arguments.exit(2, f"CAN {options.interface}:{options.channel}: {' '.join(str(error).split())}\n")
-with opened as bus:
-    while bus.recv(0.01) is not None:  # what came in while the bus was being opened is old
-        pass
-    for frame in bus:
-        ground = receiver.feed(frame.arbitration_id, bytes(frame.data), time.monotonic_ns())
-        if not isinstance(ground, Refusal):
-            slope = f"slope {ground.slope_sagittal_rad:.3f} ± {ground.slope_sagittal_sd_rad:.3f} rad"
-            height = f"height {ground.height_m:.3f} ± {ground.height_sd_m:.3f} m"
-            print("ground", ground.source.value, slope, height, f"age {ground.age_s:.3f} s", flush=True)
-        elif ground not in (Refusal.FIRST_HALF, Refusal.OTHER_MESSAGE):
-            print("refused", ground.value, receiver.reason, flush=True)

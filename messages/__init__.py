@@ -11,6 +11,8 @@ from messages.calibration import (
     StereoCalibration,
     UnitCalibration,
     matrix3,
+    reduced_lens,
+    reduced_stereo,
     vec3,
 )
 from messages.errors import ServiceError, UserError
@@ -113,6 +115,8 @@ __all__ = [
     "Vec3",
     "capture_ns",
     "matrix3",
+    "reduced_lens",
+    "reduced_stereo",
     "upper_triangle",
     "vec3",
 ]

@@ -70,6 +70,30 @@ class StereoCalibration(msgspec.Struct, frozen=True, kw_only=True):
         return self.left
 
 
+def reduced_lens(lens: Lens, divisor: int) -> Lens:
+    """Return the lens of a picture of which `divisor` × `divisor` pixels are taken together, whose centres are at whole
+    numbers."""
+    return msgspec.structs.replace(
+        lens,
+        width_px=lens.width_px // divisor,
+        height_px=lens.height_px // divisor,
+        fx_px=lens.fx_px / divisor,
+        fy_px=lens.fy_px / divisor,
+        cx_px=(lens.cx_px + 0.5) / divisor - 0.5,
+        cy_px=(lens.cy_px + 0.5) / divisor - 0.5,
+    )
+
+
+def reduced_stereo(stereo: StereoCalibration, divisor: int) -> StereoCalibration:
+    """Return the same cameras, of whose pixels `divisor` × `divisor` are read out together."""
+    return msgspec.structs.replace(
+        stereo,
+        left=reduced_lens(stereo.left, divisor),
+        right=reduced_lens(stereo.right, divisor),
+        row_time_s=stereo.row_time_s * divisor,
+    )
+
+
 class DepthCalibration(msgspec.Struct, frozen=True, kw_only=True):
     """A camera that delivers depth along its optical axis, in steps of `step_m`, as seen through `lens`.
 

@@ -73,14 +73,7 @@ _ROWS = (
         drop=DropRule.NEWEST_WINS,
         published=True,
     ),
-    Topic(
-        name="motion",
-        message=Motion,
-        rate_hz=20.0,
-        deadline_s=0.100,
-        drop=DropRule.NEWEST_WINS,
-        published=True,
-    ),
+    Topic(name="motion", message=Motion, rate_hz=20.0, deadline_s=0.100, drop=DropRule.NEWEST_WINS, published=True),
     Topic(name="health", message=Health, rate_hz=1.0, deadline_s=2.0, drop=DropRule.NEWEST_WINS, published=True),
     Topic(name="truth", message=GroundTruth, rate_hz=20.0, deadline_s=0.100, drop=DropRule.OLDEST_GOES),
 )

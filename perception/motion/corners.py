@@ -1,7 +1,6 @@
 """Corners of a picture: found where they can be followed, spread over the whole of it, and followed into another."""
 
 import cv2
-import msgspec
 import numpy as np
 
 from messages import Lens
@@ -31,19 +30,6 @@ class Eye:
         """Return the pixels (N, 2) that show points (N, 3) in C."""
         flat = cv2.projectPoints(points_C[:, None], self._turn_back, _ORIGIN, self._K, self._distortion)[0]
         return flat.reshape(-1, 2).astype(np.float32)
-
-
-def reduced_lens(lens: Lens, divisor: int) -> Lens:
-    """Return the lens of a picture reduced by a whole `divisor` with an area average."""
-    return msgspec.structs.replace(
-        lens,
-        width_px=lens.width_px // divisor,
-        height_px=lens.height_px // divisor,
-        fx_px=lens.fx_px / divisor,
-        fy_px=lens.fy_px / divisor,
-        cx_px=(lens.cx_px + 0.5) / divisor - 0.5,
-        cy_px=(lens.cy_px + 0.5) / divisor - 0.5,
-    )
 
 
 def detail(image: GreyImage, divisor: int) -> GreyImage:

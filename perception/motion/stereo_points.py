@@ -7,11 +7,11 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from messages import StereoCalibration
+from messages import StereoCalibration, reduced_lens
 from messages.arrays import Float32Array, FloatArray, GreyImage
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window
-from perception.motion.corners import Eye, corners, detail, followed, is_ambiguous, reduced_lens
+from perception.motion.corners import Eye, corners, detail, followed, is_ambiguous
 
 
 @dataclass(frozen=True)

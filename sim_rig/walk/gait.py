@@ -10,7 +10,7 @@ derivatives, on top of a planned way over the ground (`legs`):
 
 Frames: W with z up, x ahead and y left of a wearer who has not turned; B the IMU. R_WB = Rz(yaw) Ry(pitch) Rx(roll) ·
 R_worn, where R_worn pitches the device by 45° and a few degrees of the belt's own tilt. The six coordinates are those
-of B's origin. Where the ground itself moves (`ride`), W moves with it: only the IMU feels that.
+of B's origin. Where the ground itself moves (`ride`), W moves with it: only the IMU measures that.
 """
 
 from dataclasses import dataclass
@@ -127,7 +127,7 @@ class Gait:
         if self._riding is None:
             return motion.sf_B_mps2, motion.w_WB_B_radps
         floor = self._riding.at(self._since_start_s(t_ns))
-        a_W = floor.felt_mps2(motion.p_WB_m, motion.v_WB_mps, motion.a_WB_mps2)
+        a_W = floor.acceleration_mps2(motion.p_WB_m, motion.v_WB_mps, motion.a_WB_mps2)
         w_B = motion.w_WB_B_radps + _into_B(motion.R_WB, floor.w_radps)
         return _into_B(motion.R_WB, a_W - GRAVITY_W_MPS2), w_B
 

@@ -1,9 +1,9 @@
 """A vehicle or a lift that carries the ground: how its floor accelerates and turns, whatever the wearer does on it.
 
 Axes of the floor are those of the walk's W: x ahead in the vehicle, y to the left, z up. The wearer's motion is given
-over the floor at r; what the IMU feels is that of a frame that accelerates by a and turns at w about the vertical:
+over the floor at r; what the IMU measures is that of a frame that accelerates by a and turns at w about the vertical:
 
-    a_felt = a + r̈ + ẇ × r + w × (w × r) + 2 w × ṙ                                       (1)
+    acceleration = a + r̈ + ẇ × r + w × (w × r) + 2 w × ṙ                                 (1)
 """
 
 from dataclasses import dataclass
@@ -48,12 +48,12 @@ class Floor:
     w_radps: FloatArray
     dw_radps2: FloatArray
 
-    def felt_mps2(self, r_m: FloatArray, dr_mps: FloatArray, ddr_mps2: FloatArray) -> FloatArray:
+    def acceleration_mps2(self, r_m: FloatArray, dr_mps: FloatArray, ddr_mps2: FloatArray) -> FloatArray:
         """Return the acceleration (n, 3) of what moves over the floor in this way (n, 3), Eq. (1)."""
         w = self.w_radps
         turning = np.cross(self.dw_radps2, r_m) + np.cross(w, np.cross(w, r_m)) + 2.0 * np.cross(w, dr_mps)
-        felt: FloatArray = self.a_mps2 + ddr_mps2 + turning
-        return felt
+        added: FloatArray = self.a_mps2 + ddr_mps2 + turning
+        return added
 
 
 class Riding:

@@ -83,6 +83,40 @@ class Rig:
         self.service.run(20.0, each_s=0.02, status=lambda: self.service.stop() if condition() else None)
         assert condition(), happened
 
+    def play(self, story: Iterator[str]) -> None:
+        """Run the service in this thread until `story`, which yields what it waits for, ends; fail after 60 s."""
+        awaited = "the start"
+
+        def step() -> None:
+            nonlocal awaited
+            awaited = next(story, "")
+            if not awaited:
+                self.service.stop()
+
+        self.service.run(60.0, each_s=0.02, status=step)
+        assert not awaited, f"{awaited} did not come, but {self.listener.reasons()[-20:]}"
+
+    def outage(self, device: QuietImu | GreyCamera, error: str, silence: Reason) -> Iterator[str]:
+        """Unplug `device` when fog is seen, plug it in when the service says `silence`, wait until fog is seen again.
+
+        Each stage counts only what came after the one before: a stalled machine is silent at other times as well.
+        """
+        yield from self._hears(Reason.LOW_TEXTURE)
+        device.failure = DeviceError(error)
+        while not self.service.problems:
+            yield "the failure"
+        yield from self._hears(silence)
+        device.failure = None
+        while self.service.problems:
+            yield "the return"
+        yield from self._hears(Reason.LOW_TEXTURE)
+
+    def _hears(self, reason: Reason) -> Iterator[str]:
+        """Wait until `reason` is published after now."""
+        before = len(self.listener.reasons())
+        while reason not in self.listener.reasons()[before:]:
+            yield reason.value
+
 
 @pytest.fixture
 def rig(calibration: Calibration) -> Rig:
@@ -112,32 +146,16 @@ def test_latency_is_taken_of_each_frame(rig: Rig) -> None:
 def test_a_camera_that_goes_and_returns_is_said_to_be_silent_in_between(
     rig: Rig, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def story() -> bool:
-        reasons = rig.listener.reasons()
-        if Reason.NO_FRAME in reasons:
-            rig.camera.failure = None
-        elif Reason.LOW_TEXTURE in reasons:
-            rig.camera.failure = DeviceError("/dev/video0: unplugged")
-        return Reason.NO_FRAME in reasons and reasons[-1] is Reason.LOW_TEXTURE
-
     with caplog.at_level(logging.WARNING, "gaiteyes"):
-        rig.until("the camera came back", story)
-    told = [record.message for record in caplog.records if record.message.startswith("camera")]
+        rig.play(rig.outage(rig.camera, "/dev/video0: unplugged", Reason.NO_FRAME))
+    told = [r.message for r in caplog.records if r.message.startswith(("camera lost", "camera is back"))]
+    assert len(told) == 2, told
     assert told[0] == "camera lost: /dev/video0: unplugged"
     assert re.fullmatch(r"camera is back: outage_s=[0-9.]+ attempts=[0-9]+", told[1])
-    assert len(told) == 2
 
 
 def test_an_imu_that_goes_makes_frames_invalid_and_returns(rig: Rig) -> None:
-    def story() -> bool:
-        reasons = rig.listener.reasons()
-        if Reason.NO_IMU in reasons:
-            rig.imu.failure = None
-        elif Reason.LOW_TEXTURE in reasons:
-            rig.imu.failure = DeviceError("IMU at I2C address 0x68: bus stuck")
-        return Reason.NO_IMU in reasons and reasons[-1] is Reason.LOW_TEXTURE
-
-    rig.until("the IMU came back", story)
+    rig.play(rig.outage(rig.imu, "IMU at I2C address 0x68: bus stuck", Reason.NO_IMU))
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
@@ -194,7 +212,7 @@ def test_background_work_runs_until_the_end(calibration: Calibration) -> None:
         Stamper("test", "boot", Source.LIVE),
         background={"work": work},
     )
-    service.run(0.3)
+    service.run(20.0, each_s=0.02, status=lambda: service.stop() if len(calls) > 3 else None)
     count = len(calls)
     time.sleep(0.05)
     assert count > 3
@@ -219,9 +237,15 @@ def test_what_was_learnt_is_kept_while_running_and_at_the_end(
             state_keeper=StateKeeper(path, calibration),
         )
 
-    kept: list[bool] = []
-    service(first, 0.05).run(0.4, each_s=0.05, status=lambda: kept.append(path.exists()))
-    assert kept[-1]
+    running, kept = service(first, 0.05), list[bool]()
+
+    def watch() -> None:
+        kept.append(path.exists())
+        if kept[-1]:
+            running.stop()
+
+    running.run(20.0, each_s=0.05, status=watch)
+    assert kept[-1], "kept while running"
     later = msgspec.structs.replace(first, used_s=9.0)
     service(later, 60.0).run(0.1)
     assert StateKeeper(path, calibration).load() == later
@@ -231,10 +255,11 @@ class Hang:
     """Blocks every call until the test ends."""
 
     def __init__(self, answer: object) -> None:
-        self.over = threading.Event()
+        self.began, self.over = threading.Event(), threading.Event()
         self._answer = answer
 
     def __call__(self, *_args: object, **_options: object) -> object:
+        self.began.set()
         self.over.wait()
         return self._answer
 
@@ -243,7 +268,7 @@ class Hang:
 def test_a_thread_that_hangs_starves_the_watchdog_and_is_given_up(
     calibration: Calibration, where: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("daemon.service.LONGEST_JOIN_S", 0.2)
+    monkeypatch.setattr("daemon.service.LONGEST_JOIN_S", 1.0)
     rig, hang = Rig(calibration), Hang(() if where == "imu" else None)
     if where in ("imu", "camera"):
         monkeypatch.setattr(getattr(rig, where), "read", hang)
@@ -261,9 +286,16 @@ def test_a_thread_that_hangs_starves_the_watchdog_and_is_given_up(
         background={"can": background},
     )
     fed: list[bool] = []
+
+    def feed() -> None:
+        if hang.began.is_set():
+            fed.append(service.progress.all_advanced())
+            if len(fed) > 3 and service.progress.stuck == (where,):
+                service.stop()
+
     try:
         with pytest.raises(ServiceError, match=f"thread {where} of the service hangs"):
-            service.run(1.0, each_s=0.25, status=lambda: fed.append(service.progress.all_advanced()))
+            service.run(20.0, each_s=0.25, status=feed)
     finally:
         hang.over.set()
     assert service.progress.stuck == (where,)

@@ -1,6 +1,6 @@
 """All the devices of a wearable in this machine, and the files that tell the service where they are.
 
-The wearer stands: the chip feels gravity and nothing else, the camera shows one picture with ever new noise.
+The wearer stands: the chip measures gravity and nothing else, the camera shows one picture with ever new noise.
 """
 
 from pathlib import Path
@@ -11,13 +11,14 @@ import numpy as np
 from calib.files import save_calibration
 from daemon.config import CameraSettings, Configuration, ImuSettings, ZenohSettings, format_configuration
 from drivers.can.settings import CanInterface, CanSettings
+from messages import reduced_stereo
 from messages.arrays import FloatArray, GreyImage, IntArray
 from sim_rig.kernel.chip_server import INTERRUPT_LINE, gpio_chip_path
 from sim_rig.unit import draw_unit
 from tests.bench.zenoh_peer import free_endpoint
 from tests.kernel import can_links, loopback
 from tests.kernel.imu_bench import KernelChip
-from tests.kernel.shrunk import SEED, shrunk_stereo
+from tests.kernel.shrunk import SEED, SHRINK
 
 SCENE = Path(__file__).with_name("scene.npz")
 CAN_NAME = "vcan2"
@@ -38,7 +39,7 @@ class Wearable:
         self.height_m = float(scene["height_m"])
         unit = draw_unit(SEED)
         exact = unit.exact_calibration()
-        self._calibration = msgspec.structs.replace(exact, stereo=shrunk_stereo(exact.stereo))
+        self._calibration = msgspec.structs.replace(exact, stereo=reduced_stereo(exact.stereo, SHRINK))
 
         def motion(t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
             return np.tile(sf_B, (t_ns.size, 1)), np.zeros((t_ns.size, 3))

@@ -20,7 +20,7 @@ from daemon.config import Configuration, format_configuration
 from daemon.recording_file import RecordingFile, RecordingInfo, entries_of
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
-from messages import TOPICS, Calibration, FrameHeader, ImuSample, Lens, Source, StereoFrame
+from messages import TOPICS, Calibration, FrameHeader, ImuSample, Source, StereoFrame, reduced_stereo
 from messages.arrays import FloatArray, GreyImage, IntArray
 from sim_rig.camera.renderer import Renderer
 from sim_rig.imu.i2c_bus import I2cWires
@@ -130,25 +130,7 @@ def write_recording(scene: Scene, folder: Path) -> None:
 
 def binned(calibration: Calibration) -> Calibration:
     """Return the calibration of the same unit whose pixels are read out two by two."""
-    stereo = calibration.stereo
-    return msgspec.structs.replace(
-        calibration,
-        stereo=msgspec.structs.replace(
-            stereo, left=_half(stereo.left), right=_half(stereo.right), row_time_s=2.0 * stereo.row_time_s
-        ),
-    )
-
-
-def _half(lens: Lens) -> Lens:
-    return msgspec.structs.replace(
-        lens,
-        width_px=lens.width_px // 2,
-        height_px=lens.height_px // 2,
-        fx_px=lens.fx_px / 2,
-        fy_px=lens.fy_px / 2,
-        cx_px=(lens.cx_px + 0.5) / 2 - 0.5,
-        cy_px=(lens.cy_px + 0.5) / 2 - 0.5,
-    )
+    return msgspec.structs.replace(calibration, stereo=reduced_stereo(calibration.stereo, 2))
 
 
 def _inputs(scene: Scene) -> Iterator[ImuSample | StereoFrame]:

@@ -55,7 +55,7 @@ def draw_nuisance(case: Case, recording: str, noise: float) -> Nuisance:
 
 
 def faultless_unit(seed: int) -> Unit:
-    """Return a unit of the rig whose gyroscope does not feel gravity: its calibration has no place for that."""
+    """Return a unit of the rig whose gyroscope does not respond to gravity: its calibration has no place for that."""
     unit = draw_unit(seed)
     return replace(unit, name="wearer", chip=replace(unit.chip, g_sensitivity=np.zeros((3, 3))))
 

@@ -17,7 +17,7 @@ from tests.kernel.shrunk import SEED, SHRINK
 def scene_file() -> Path:
     """Return a NumPy file with one pair of pictures of a standing wearer, cached.
 
-    `left`, `right`: (height_px, width_px) uint8; `sf_B_mps2`: (3,), what the IMU feels; `height_m`: the truth.
+    `left`, `right`: (height_px, width_px) uint8; `sf_B_mps2`: (3,), what the IMU measures; `height_m`: the truth.
     """
     sources = (Path(str(module.__file__)) for module in (unit, renderer, textures, gait, scenario, world))
     return cached("scene.npz", digest(*sources, Path(__file__)), _make)

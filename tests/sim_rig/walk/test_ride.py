@@ -1,4 +1,4 @@
-"""What a vehicle adds to what the IMU feels, and to nothing else."""
+"""What a vehicle adds to what the IMU measures, and to nothing else."""
 
 from dataclasses import replace
 
