@@ -17,7 +17,7 @@ IN_WORDS = {
     Reason.NOT_AT_REST: "the IMU is not at rest yet; stand still for a second",
     Reason.NO_IMU: "no IMU samples for the frames",
     Reason.NO_FRAME: "no frames from the camera",
-    Reason.LOW_TEXTURE: "too few pixels of the foothold could be matched",
+    Reason.LOW_TEXTURE: "too few pixels of the foothold could be matched, or its tiles are all alike",
     Reason.NOT_PLANAR: "no plane explains the foothold",
     Reason.TOO_STEEP: "the foothold is steeper than 40°",
     Reason.FOOTHOLD_OUT_OF_VIEW: "the foothold is outside the picture; check how the camera is mounted",

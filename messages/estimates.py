@@ -38,7 +38,7 @@ class Reason(str, enum.Enum):
     NOT_AT_REST = "not_at_rest"  # still starting, because the wearer moves
     NO_IMU = "no_imu"  # IMU samples stopped, or came too late for this frame
     NO_FRAME = "no_frame"  # frames stopped
-    LOW_TEXTURE = "low_texture"  # too few pixels could be matched, or followed from frame to frame
+    LOW_TEXTURE = "low_texture"  # too few pixels could be matched, or followed; or tiles all alike match anywhere
     NOT_PLANAR = "not_planar"  # no plane explains the foothold region, or only this one frame's
     TOO_STEEP = "too_steep"  # a plane, but no ground one can step on
     FOOTHOLD_OUT_OF_VIEW = "foothold_out_of_view"

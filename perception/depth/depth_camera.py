@@ -9,6 +9,7 @@ from messages import DepthCalibration, Image
 from messages.arrays import FloatArray
 from perception.depth.disparity import DisparityPatch
 from perception.depth.rectify import Window, intrinsics, undistorted_rays
+from perception.depth.repeats import NO_REPEATS, Repeats
 
 
 class DepthCamera:
@@ -47,3 +48,12 @@ class DepthCamera:
             disparity_px=np.divide(self._steps_px, steps, out=unknown, where=steps > 0, dtype=np.float64),
             row_time_s=self._row_time_s[seen],
         )
+
+    def find_repeats(
+        self,
+        images: Sequence[Image],  # noqa: ARG002 - see DisparityCamera
+        points_C: FloatArray,  # noqa: ARG002
+        theta_C: FloatArray,  # noqa: ARG002
+    ) -> Repeats:
+        """Return that a plane has no rivals: depth is what this camera delivers, and no match."""
+        return NO_REPEATS

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from messages import Image
 from messages.arrays import FloatArray
+from perception.depth.repeats import Repeats
 
 
 class OutOfRangeError(Exception):
@@ -71,4 +72,10 @@ class DisparityCamera(Protocol):
 
         All points lie before the camera; the patch is cut at the image's border. Raises OutOfRangeError where the
         points are too near to be measured.
+        """
+
+    def find_repeats(self, images: Sequence[Image], points_C: FloatArray, theta_C: FloatArray) -> Repeats:
+        """Return the planes that match as well as d = r · `theta_C` (3,), px, because the ground there repeats itself.
+
+        `points_C` (N, 3), before the camera, are the corners of the region that is asked about.
         """

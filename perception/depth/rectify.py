@@ -91,15 +91,18 @@ class Rectifier:
         """Return (rows, columns, 3): rays through the window's pixel centres with z = 1, in C."""
         return self._rays_C[window.rows, window.columns]
 
-    def rectify(self, left: GreyImage, right: GreyImage, window: Window, shift_px: int) -> tuple[GreyImage, GreyImage]:
+    def rectify(
+        self, left: GreyImage, right: GreyImage, window: Window, shift_px: int, *, every: int = 1
+    ) -> tuple[GreyImage, GreyImage]:
         """Return the window of the rectified left eye and, of the right eye, the window moved left by `shift_px`.
 
-        Columns of the right window that lie outside its image are black.
+        Columns of the right window that lie outside its image are black. Of the rows only each `every`-th is returned.
         """
         reduced_left, reduced_right = _reduce(left, self.divisor), _reduce(right, self.divisor)
+        rows = slice(window.top, window.bottom, every)
         return (
-            _warp(reduced_left, self.left_maps, window.rows, window.left, window.right),
-            _warp(reduced_right, self.right_maps, window.rows, window.left - shift_px, window.right - shift_px),
+            _warp(reduced_left, self.left_maps, rows, window.left, window.right),
+            _warp(reduced_right, self.right_maps, rows, window.left - shift_px, window.right - shift_px),
         )
 
 

@@ -10,6 +10,7 @@ from messages.arrays import FloatArray, GreyImage
 from perception.depth.disparity import DisparityPatch, OutOfRangeError
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window
+from perception.depth.repeats import Repeats, find_repeats
 
 
 class StereoCamera:
@@ -38,6 +39,10 @@ class StereoCamera:
             disparity_px=self._matcher.match(left, right, window, search).astype(np.float64),
             row_time_s=self.rectifier.row_time_s[window.rows, window.columns],
         )
+
+    def find_repeats(self, images: Sequence[Image], points_C: FloatArray, theta_C: FloatArray) -> Repeats:
+        """Return the rivals of the plane d = r · `theta_C` where `points_C` are shown (see DisparityCamera)."""
+        return find_repeats(self.rectifier, images, points_C, theta_C)
 
 
 def view_of(points_C: FloatArray, rectifier: Rectifier) -> tuple[Window, DisparityRange] | None:

@@ -1,5 +1,7 @@
 """A frame and the attitude at its mid-exposure to the published estimate of the ground ahead."""
 
+from functools import partial
+
 import numpy as np
 
 from messages import Frame, GroundPlane, Reason, Status, StereoFrame, UnitCalibration, Vec3, upper_triangle
@@ -7,6 +9,7 @@ from messages.arrays import FloatArray
 from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeasurement, GroundMeter
 from perception.ground.plane import Plane
+from perception.ground.repetition import RepetitionWatch
 from perception.ground.tracking import PlaneTracker, TrackingSettings
 from perception.heading import heading
 
@@ -20,6 +23,7 @@ class GroundEstimator:
         self._foothold = foothold
         self._meter = GroundMeter(calibration.camera, calibration.residual)
         self._tracker = PlaneTracker(TrackingSettings())
+        self._repetition = RepetitionWatch()
         self._swap_watch = _SwapWatch()
         self.R_BC: FloatArray = np.array(calibration.X_BE.R) @ self._meter.camera.R_EC
         """Takes vectors of the rectified camera to B, (3, 3)."""
@@ -55,20 +59,30 @@ class GroundEstimator:
         expected = self._tracker.predicted(t_ns, R_WH)
         w_WC_C_radps = self.R_BC.T @ np.array(w_WB_B_radps)
         region = self._foothold.narrowed() if reduced else self._foothold
+        R_HC = R_WH.T @ R_WC
 
-        def measure(swapped: bool) -> GroundMeasurement:
+        def measure(near: Plane | None, margin_m: float | None = None, *, swapped: bool = False) -> GroundMeasurement:
             images = frame.images[::-1] if swapped else frame.images
-            plane = None if swapped else expected
-            return self._meter.measure(images, R_WH.T @ R_WC, w_WC_C_radps, height_rate_mps, region, plane)
+            return self._meter.measure(images, R_HC, w_WC_C_radps, height_rate_mps, region, near, margin_m)
 
-        measured = measure(swapped=False)
+        measured = measure(expected, self._repetition.margin_m(t_ns, expected))
+        may_begin = True
+        if measured.fit is not None:
+            self._swap_watch.clear()
+            ask = partial(self._meter.find_repeats, frame.images, R_HC, region)
+            measured, may_begin = self._repetition.resolved(
+                t_ns, measured, measured.fit, expected, region, ask, measure
+            )
+        if measured.fit is None and self._repetition.repeats(t_ns):
+            return self._invalid(frame, measured.reason, measured.matched_share)
         if measured.fit is None:
             suspected = isinstance(frame, StereoFrame) and self._swap_watch.suspects(measured.reason)
-            swapped = suspected and measure(swapped=True).fit is not None
+            swapped = suspected and measure(None, swapped=True).fit is not None
             return self._invalid(frame, self._swap_watch.verdict(measured.reason, swapped), measured.matched_share)
-        self._swap_watch.clear()
         attitude_cov_W = _of_slopes(rotation_cov_W_rad2)
-        tracked = self._tracker.updated(t_ns, measured.fit, measured.matched_share, R_WH, attitude_cov_W)
+        tracked = self._tracker.updated(
+            t_ns, measured.fit, measured.matched_share, R_WH, attitude_cov_W, may_begin=may_begin
+        )
         if tracked is None:
             return self._invalid(frame, Reason.NOT_PLANAR, measured.matched_share)
         plane, plane_cov = tracked

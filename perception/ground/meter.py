@@ -10,6 +10,7 @@ from messages.arrays import FloatArray
 from perception import so3
 from perception.depth.depth_camera import DepthCamera
 from perception.depth.disparity import DisparityCamera, OutOfRangeError
+from perception.depth.repeats import NO_REPEATS, Repeats
 from perception.depth.stereo_camera import StereoCamera
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane, PlaneFit, PlaneFitter
@@ -54,15 +55,18 @@ class GroundMeter:
         height_rate_mps: float,
         region: FootholdSettings,
         expected: Plane | None,
+        margin_m: float | None = None,
     ) -> GroundMeasurement:
         """Return the plane in H of a frame's raw `images`, (height, width) each, of the calibrated sizes.
 
         `R_HC` holds at mid-exposure of the middle row; for the other rows of a rolling shutter `w_HC_C_radps` turns
         the camera and `height_rate_mps` lifts it off the ground.
-        `expected` is the plane as predicted from earlier frames.
+        `expected` is the plane as predicted from earlier frames; the ground is looked for within `margin_m` of it, or
+        within a step.
         """
         predicted = expected or Plane((0.0, 0.0), region.nominal_height_m)
-        margin_m = region.height_margin_m if expected is None else region.step_m
+        if margin_m is None:
+            margin_m = region.height_margin_m if expected is None else region.step_m
         corners_H = region.footprint(predicted, margin_m)
         points_C = np.vstack((corners_H, corners_H.mean(axis=0))) @ R_HC
         if points_C[:, 2].min() < _LEAST_DEPTH_M:
@@ -97,6 +101,15 @@ class GroundMeter:
         misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
         lasting = relief_cov(fit, points_H, misfit_px, region) + self._residual_cov(fit.plane, R_HC)
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting)
+
+    def find_repeats(
+        self, images: Sequence[Image], R_HC: FloatArray, region: FootholdSettings, plane: Plane
+    ) -> Repeats:
+        """Return the planes as steep as `plane`, in H, that match as well as it where the ground repeats itself."""
+        corners_C = region.footprint(plane, 0.0) @ R_HC
+        if corners_C[:, 2].min() < _LEAST_DEPTH_M:
+            return NO_REPEATS
+        return self.camera.find_repeats(images, corners_C, R_HC.T @ plane.theta(self._fitter.fB_px_m))
 
     def _residual_cov(self, plane: Plane, R_HC: FloatArray) -> FloatArray:
         """Return the covariance of (a, b, h) by a common offset of d, which moves θ of (1) along C's z.

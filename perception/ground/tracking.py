@@ -57,12 +57,19 @@ class PlaneTracker:
         return _plane(_turn(R_WH).T @ self._track.state)
 
     def updated(
-        self, t_ns: int, fit: PlaneFit, matched_share: float, R_WH: FloatArray, attitude_cov_W: FloatArray
+        self,
+        t_ns: int,
+        fit: PlaneFit,
+        matched_share: float,
+        R_WH: FloatArray,
+        attitude_cov_W: FloatArray,
+        *,
+        may_begin: bool = True,
     ) -> tuple[Plane, FloatArray] | None:
         """Take one frame's plane in H; return the plane in H that the track now holds and its covariance (a, b, h).
 
         None where the frame contradicts the track, or there is none, and the frame before does not confirm it; one of
-        which little matched confirms nothing.
+        which little matched confirms nothing, nor does one that `may_begin` no track.
         `attitude_cov_W` (2, 2), rad², is what the attitude's covariance means for the gradient in W. It is told apart:
         the covariance that is returned is without it.
         """
@@ -73,7 +80,7 @@ class PlaneTracker:
         track = self._joined(self._track, seen, self._settings.longest_gap_s)
         if track is None:
             candidate = self._joined(self._candidate, seen, self._settings.confirmed_within_s)
-            believable = matched_share >= self._settings.believable_share
+            believable = may_begin and matched_share >= self._settings.believable_share
             self._candidate = seen if believable else None
             track = candidate if believable else None
         if track is None:

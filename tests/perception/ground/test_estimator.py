@@ -171,3 +171,12 @@ def test_where_the_picture_is_white_nothing_is_matched() -> None:
     matched = np.isfinite(SemiGlobalMatcher(rectifier).match(left, frame.right, window, search))
     assert matched[:, :100].mean() > 0.9
     assert matched[:, 130:].mean() == 0.0
+
+
+def test_on_tiles_all_alike_no_valid_ground_is_a_tile_off() -> None:
+    standing, _ = seen("mosaic-2.5cm", 1, 20, 4)
+    walking, _ = seen("mosaic-2.5cm", 1, 76, 14)
+    assert [ground.reason for ground, _ in standing] == [Reason.LOW_TEXTURE] * 3  # the rows lie along the tiles
+    heights_m = [(ground.height_m, truth.height_m) for ground, truth in walking if ground.status is Status.VALID]
+    assert len(heights_m) >= 8
+    assert max(abs(height_m - true_m) for height_m, true_m in heights_m) < 0.01  # a tile off: 0.15 m and more

@@ -30,8 +30,9 @@ def told(
     R_WH: FloatArray = LEVEL,
     attitude_cov_W: FloatArray = SURE,
     matched_share: float = 1.0,
+    may_begin: bool = True,
 ) -> tuple[Plane, FloatArray] | None:
-    return tracker.updated(t_ns, fit, matched_share, R_WH, attitude_cov_W)
+    return tracker.updated(t_ns, fit, matched_share, R_WH, attitude_cov_W, may_begin=may_begin)
 
 
 def known(answer: tuple[Plane, FloatArray] | None) -> tuple[Plane, FloatArray]:
@@ -121,3 +122,10 @@ def test_what_the_attitude_learns_the_track_learns_too() -> None:
 
     assert gradient_after(0.0) < 0.02
     assert gradient_after(0.05) > 0.025
+
+
+def test_a_frame_that_may_begin_no_track_joins_one_and_contradicts_none() -> None:
+    tracker = on_level_ground(5)
+    for k in (5, 6, 7):
+        assert told(tracker, k * FRAME_NS, seen(0.0, 0.0, 0.79), may_begin=False) is None
+    assert told(tracker, 8 * FRAME_NS, seen(0.0, 0.0, 0.95), may_begin=False) is not None

@@ -1,0 +1,97 @@
+"""Which of the planes that a repeating floor offers is the ground.
+
+A floor of tiles that are all alike matches as well one tile further along the row. Then planes of the same slopes fit
+the pair whose inverse heights differ by whole multiples of
+
+    δ = q / h,                                                                                              (1)
+
+with h the height found and q the share of its disparities by which a tile moves them. Which of them the ground is, the
+picture tells where one fits clearly better than all others, as it does whenever the rows cross the tiles askew, or
+where the others are out of reach; else
+the track of earlier frames, which is nearer to the right one than half of δ; else nothing does.
+"""
+
+from collections.abc import Callable
+
+from messages import Reason
+from perception.depth.repeats import Repeats
+from perception.ground.foothold import FootholdSettings
+from perception.ground.meter import GroundMeasurement
+from perception.ground.plane import Plane, PlaneFit
+
+
+class RepetitionWatch:
+    """Remembers that the floor repeats, and keeps a measurement from being off by a tile."""
+
+    remembered_s = 1.0
+    surprising_m = 0.03  # off the height expected: the hip moves by a third of that between two frames
+    least_inlier_share = 0.9  # fewer may be those of two planes
+    most_misfit = 0.15  # of the plane to the region: level tiles leave 0.07, two treads of a stair 0.2 and more
+
+    def __init__(self) -> None:
+        self._until_ns: int | None = None
+        self._spacing_per_m = 0.0  # δ of (1)
+
+    def repeats(self, t_ns: int) -> bool:
+        """Return whether the floor was found to repeat itself of late."""
+        return self._until_ns is not None and t_ns < self._until_ns
+
+    def margin_m(self, t_ns: int, expected: Plane | None) -> float | None:
+        """Return how far from `expected` the ground may be taken to lie; None where only its steps bound that."""
+        return self._half_gap_m(expected.height_m) if expected is not None and self.repeats(t_ns) else None
+
+    def resolved(
+        self,
+        t_ns: int,
+        measured: GroundMeasurement,
+        fit: PlaneFit,
+        expected: Plane | None,
+        region: FootholdSettings,
+        ask: Callable[[Plane], Repeats],
+        measure: Callable[[Plane, float], GroundMeasurement],
+    ) -> tuple[GroundMeasurement, bool]:
+        """Return the measurement to go on with, and whether it may contradict what is `expected`.
+
+        `fit` is the plane of `measured`. `ask` tells the rivals of a plane; `measure` measures again, near a plane, to
+        a distance in m.
+        """
+        if not self._asks(t_ns, fit, expected):
+            return measured, True
+        found = ask(fit.plane)
+        if not found.rivals and not self.repeats(t_ns):
+            return measured, True
+        if found.rivals:
+            self._until_ns = t_ns + round(1e9 * self.remembered_s)
+            self._spacing_per_m = min(abs(1.0 - rival.ratio) for rival in found.rivals) / fit.plane.height_m  # (1)
+        ratio = (_where_ground_may_be(found, fit.plane, region) if expected is None else found).standing_out()
+        if ratio is not None:
+            height_m = fit.plane.height_m / ratio
+        elif expected is not None:
+            height_m = expected.height_m
+        else:
+            return GroundMeasurement(Reason.LOW_TEXTURE, measured.matched_share), False
+        if found.misfit_near(fit.plane.height_m / height_m) > self.most_misfit:
+            return GroundMeasurement(Reason.NOT_PLANAR, measured.matched_share), False
+        margin_m = self._half_gap_m(height_m)
+        if abs(fit.plane.height_m - height_m) > margin_m:
+            measured = measure(Plane(fit.plane.gradient, height_m), margin_m)
+        return measured, ratio is not None
+
+    def _asks(self, t_ns: int, fit: PlaneFit, expected: Plane | None) -> bool:
+        return (
+            expected is None
+            or self.repeats(t_ns)
+            or abs(fit.plane.height_m - expected.height_m) > self.surprising_m
+            or fit.inlier_share < self.least_inlier_share
+        )
+
+    def _half_gap_m(self, height_m: float) -> float:
+        """Return how far below `height_m` the plane midway to the next rival lies: 1/h grows by δ/2."""
+        half = 0.5 * self._spacing_per_m * height_m
+        return height_m * half / (1.0 + half)
+
+
+def _where_ground_may_be(found: Repeats, plane: Plane, region: FootholdSettings) -> Repeats:
+    """Return the rivals of `plane` that the region's first bounds of the height allow."""
+    low_m, high_m = (region.nominal_height_m + side * region.height_margin_m for side in (-1.0, 1.0))
+    return found.within((plane.height_m / high_m, plane.height_m / low_m))

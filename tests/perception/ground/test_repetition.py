@@ -1,0 +1,117 @@
+"""Of planes a tile apart the one is taken that the picture, or the track, tells; where neither does, none."""
+
+import numpy as np
+import pytest
+
+from messages import Reason
+from perception.depth.repeats import NO_REPEATS, Repeats, Rival
+from perception.ground.foothold import FootholdSettings
+from perception.ground.meter import GroundMeasurement
+from perception.ground.plane import Plane, PlaneFit
+from perception.ground.repetition import RepetitionWatch
+
+REGION = FootholdSettings()
+TRACKED = Plane((0.0, 0.0), 0.95)
+TILE = 0.025 / 0.12
+LIKE = Repeats(0.05, (Rival(1.0 + TILE, 0.06), Rival(1.0 - TILE, 0.07)))
+SELF_CLEAR = Repeats(0.02, (Rival(1.0 + TILE, 0.06), Rival(1.0 - TILE, 0.07)))
+
+
+def measured(height_m: float, inlier_share: float = 1.0) -> GroundMeasurement:
+    return GroundMeasurement(Reason.NONE, 0.9, PlaneFit(Plane((0.0, 0.0), height_m), np.eye(3), 0.1, inlier_share))
+
+
+class Floor:
+    """Answers `ask` with what it is given, and `measure` with the plane that it is asked to look near."""
+
+    def __init__(self, repeats: Repeats) -> None:
+        self.repeats, self.asked, self.looked_near = repeats, 0, list[tuple[float, float]]()
+
+    def ask(self, plane: Plane) -> Repeats:
+        assert plane.height_m > 0.0
+        self.asked += 1
+        return self.repeats
+
+    def measure(self, near: Plane, margin_m: float) -> GroundMeasurement:
+        self.looked_near.append((near.height_m, margin_m))
+        return measured(near.height_m)
+
+
+def resolved(
+    watch: RepetitionWatch, floor: Floor, frame: GroundMeasurement, expected: Plane | None
+) -> tuple[GroundMeasurement, bool]:
+    assert frame.fit is not None
+    return watch.resolved(0, frame, frame.fit, expected, REGION, floor.ask, floor.measure)
+
+
+def height_m(measurement: GroundMeasurement) -> float:
+    assert measurement.fit is not None
+    return measurement.fit.plane.height_m
+
+
+def test_a_floor_that_does_not_repeat_changes_nothing() -> None:
+    watch, floor, frame = RepetitionWatch(), Floor(NO_REPEATS), measured(0.95)
+    assert resolved(watch, floor, frame, None) == (frame, True)
+    assert not watch.repeats(0)
+    assert watch.margin_m(0, TRACKED) is None
+
+
+def test_on_the_track_nothing_is_asked() -> None:
+    watch, floor = RepetitionWatch(), Floor(LIKE)
+    resolved(watch, floor, measured(0.955), TRACKED)
+    assert floor.asked == 0
+
+
+@pytest.mark.parametrize("frame", [measured(0.99), measured(0.95, inlier_share=0.7)])
+def test_a_surprise_is_asked_about(frame: GroundMeasurement) -> None:
+    watch, floor = RepetitionWatch(), Floor(LIKE)
+    resolved(watch, floor, frame, TRACKED)
+    assert floor.asked == 1
+    assert watch.repeats(0)
+    assert not watch.repeats(2_000_000_000)
+
+
+def test_without_a_track_like_planes_give_none() -> None:
+    answer, may_begin = resolved(RepetitionWatch(), Floor(LIKE), measured(0.95), None)
+    assert (answer.fit, answer.reason, may_begin) == (None, Reason.LOW_TEXTURE, False)
+
+
+def test_without_a_track_the_plane_that_stands_out_is_taken() -> None:
+    answer, may_begin = resolved(RepetitionWatch(), Floor(SELF_CLEAR), measured(0.95), None)
+    assert (height_m(answer), may_begin) == (0.95, True)
+    off = Repeats(0.1, (Rival(1.0 + TILE, 0.02), Rival(1.0 - TILE, 0.2)))
+    answer, may_begin = resolved(RepetitionWatch(), Floor(off), measured(0.95 * (1.0 + TILE)), None)
+    assert height_m(answer) == pytest.approx(0.95)
+    assert may_begin
+
+
+def test_planes_where_no_ground_can_be_are_no_rivals() -> None:
+    beyond = Repeats(0.05, (Rival(0.5, 0.05), Rival(1.6, 0.05)))  # 1.9 and 0.59 m; it may lie at 0.6 to 1.3 m
+    answer, may_begin = resolved(RepetitionWatch(), Floor(beyond), measured(0.95), None)
+    assert (height_m(answer), may_begin) == (0.95, True)
+
+
+def test_of_like_planes_the_tracks_is_taken_and_no_new_track_begins() -> None:
+    floor = Floor(LIKE)
+    answer, may_begin = resolved(RepetitionWatch(), floor, measured(0.95 / (1.0 - TILE)), TRACKED)
+    assert (height_m(answer), may_begin) == (0.95, False)
+    (_, margin_m), = floor.looked_near  # fmt: skip
+    assert margin_m < 0.5 * (0.95 - 0.95 / (1.0 + TILE)) + 1e-9
+
+
+def test_no_plane_is_taken_that_hardly_fits() -> None:
+    watch = RepetitionWatch()
+    resolved(watch, Floor(LIKE), measured(0.95), TRACKED)
+    for repeats in (Repeats(0.3, ()), Repeats(0.3, (Rival(1.0 + TILE, 0.31),))):
+        assert resolved(watch, Floor(LIKE), measured(0.99), TRACKED)[0].fit is not None
+        answer, may_begin = resolved(watch, Floor(repeats), measured(0.95), TRACKED)
+        assert (answer.fit, answer.reason, may_begin) == (None, Reason.NOT_PLANAR, False)
+
+
+def test_while_the_floor_repeats_the_ground_is_looked_for_within_half_a_tile() -> None:
+    watch = RepetitionWatch()
+    resolved(watch, Floor(LIKE), measured(0.95), None)
+    assert watch.margin_m(0, None) is None
+    margin_m = watch.margin_m(0, TRACKED)
+    assert margin_m is not None
+    assert 1.0 / (0.95 - margin_m) - 1.0 / 0.95 == pytest.approx(0.5 * TILE / 0.95)
