@@ -21,12 +21,19 @@ import zenoh
 
 from daemon.config import ZenohSettings
 from drivers.protocols import DeviceError
-from messages import TOPIC_OF, TOPICS, Estimate, GroundPlane, Stamp, UnitCalibration
+from messages import TOPIC_OF, TOPICS, Estimate, GroundPlane, Health, Stamp, UnitCalibration
 from messages.codec import encode, encode_line, published_schemas
 
 SEND_BUFFER_BYTES = 8192
 """Dropping starts only when TCP's own buffer is full. With the system's megabytes a subscriber that stood still was
 told of thousands of old planes first and of no new one for seconds; with this little it catches up at once."""
+
+_PRIORITIES: dict[type[msgspec.Struct], zenoh.Priority] = {
+    GroundPlane: zenoh.Priority.REAL_TIME,
+    Health: zenoh.Priority.INTERACTIVE_HIGH,
+}
+"""Each has a queue of its own: what is sent a hundred times a second crowds out neither the ground nor the one message
+a second that says how the service is."""
 
 _DEVICE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
@@ -60,7 +67,7 @@ class ZenohPublisher:
                 topic.key(device, replay=replay),
                 encoding=zenoh.Encoding.APPLICATION_JSON,
                 congestion_control=zenoh.CongestionControl.DROP,
-                priority=zenoh.Priority.REAL_TIME if topic.message is GroundPlane else zenoh.Priority.DATA_HIGH,
+                priority=_PRIORITIES.get(topic.message, zenoh.Priority.DATA_HIGH),
                 express=True,
             )
             for topic in TOPICS.values()

@@ -95,6 +95,7 @@ class Service:
         self._died: list[str] = []
         self._outages = {"imu": Outage("IMU"), "camera": Outage("camera")}
         self._priorities = priorities
+        self._pipeline_busy_ns = 0  # processor time of its thread
         ankle = ("ankle",) if devices.ankle is not None else ()
         self.progress = Progress(("imu", "camera", "timer", "pipeline", *ankle, *self._background))
         """The rounds of the loops that must never hang; those that write files may: no estimate waits for a disk."""
@@ -231,14 +232,14 @@ class Service:
                 self._inbox.put(state)
 
     def _run_timer(self) -> None:
-        load = LoadDecision()
+        load = LoadDecision(time.monotonic_ns())
         for beat in self._periods("timer", TICK_NS):
             self.progress.count_round("timer")
             now_ns = time.monotonic_ns()
             self._inbox.put(Tick(t_ns=now_ns))
             if beat % (1_000_000_000 // TICK_NS) == 0:
                 self._inbox.put(self._counters(now_ns))
-                changed = load.decide(self._inbox.frames_superseded, now_ns)
+                changed = load.decide(self._inbox.frames_superseded, self._pipeline_busy_ns, now_ns)
                 if changed is not None:
                     log.warning("load level is now %s", changed.value)
                     self._inbox.put(LoadLevel(t_ns=now_ns, load=changed))
@@ -288,6 +289,7 @@ class Service:
                 self._recorder.offer(message)
             for estimate in self._pipeline.step(message):
                 self._outgoing.send(estimate, taken_ns, time.monotonic_ns, self.latency)
+            self._pipeline_busy_ns = time.thread_time_ns()
 
     def _run_background(self, name: str, work: Background) -> None:
         while not self._producers_ended.is_set():

@@ -62,6 +62,15 @@ def test_ground_arrives_under_its_exact_key_as_flat_json(live: ZenohPublisher, e
     assert decode(sample.payload.to_bytes(), GroundPlane) == ground()
 
 
+def test_health_is_not_crowded_out_by_what_comes_a_hundred_times_a_second(live: ZenohPublisher, endpoint: str) -> None:
+    def priority(estimate: Estimate) -> zenoh.Priority:
+        return arrival(subscriber, lambda: live.publish(estimate, stamp())).priority
+
+    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/*/v1") as subscriber:
+        assert priority(health()) == zenoh.Priority.INTERACTIVE_HIGH
+        assert priority(attitude()) == priority(motion()) == zenoh.Priority.DATA_HIGH
+
+
 def test_what_is_not_known_is_null(live: ZenohPublisher, endpoint: str) -> None:
     with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v1") as subscriber:
         sample = arrival(subscriber, lambda: live.publish(invalid_ground(), stamp()))

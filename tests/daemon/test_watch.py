@@ -38,9 +38,18 @@ def test_every_reason_that_can_last_has_words() -> None:
 
 
 def test_load_is_reduced_after_two_superseded_frames_and_relaxes_after_calm() -> None:
-    load = LoadDecision()
-    changes = [load.decide(superseded, k * SECOND_NS) for k, superseded in enumerate([0, 1, 3, 3, 3, 3, 3, 3, 3, 3])]
+    load = LoadDecision(-SECOND_NS)
+    changes = [load.decide(superseded, 0, k * SECOND_NS) for k, superseded in enumerate([0, 1, 3, 3, 3, 3, 3, 3, 3, 3])]
     assert changes == [None, None, Load.REDUCED, None, None, None, None, None, Load.NORMAL, None]
+
+
+def test_load_is_reduced_where_the_pipeline_leaves_too_little_and_stays_so_while_that_would_be_again() -> None:
+    busy = [0.5, 0.7, 0.45, 0.45, 0.45, 0.45, 0.45, 0.45, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.5]
+    load, busy_ns, changes = LoadDecision(-SECOND_NS), 0, list[Load | None]()
+    for k, share in enumerate(busy):
+        busy_ns += round(share * SECOND_NS)
+        changes.append(load.decide(0, busy_ns, k * SECOND_NS))
+    assert {k: change for k, change in enumerate(changes) if change} == {1: Load.REDUCED, 13: Load.NORMAL}
 
 
 def test_an_outage_is_told_once_and_its_end_with_length_and_attempts(told: pytest.LogCaptureFixture) -> None:
