@@ -95,10 +95,10 @@ class AttitudeKalman:
 
     def __init__(self, settings: AttitudeSettings, residual: Residual) -> None:
         self.settings = settings
-        sf_bias_mps2 = math.hypot(residual.specific_force_mps2, residual.scale * settings.gravity_mps2)
+        self._sf_bias_mps2 = math.hypot(residual.specific_force_mps2, residual.scale * settings.gravity_mps2)
         self._initial_var = np.zeros(SIZE)
         self._initial_var[GYRO_BIAS] = settings.gyro_bias_radps**2
-        self._initial_var[SF_BIAS] = sf_bias_mps2**2
+        self._initial_var[SF_BIAS] = self._sf_bias_mps2**2
         self._initial_var[GYRO_MATRIX] = residual.scale**2
         toe_in = settings.camera.range_per_baseline * residual.toe_in_rad
         self.least_scale = math.hypot(residual.scale, settings.camera.odometer_scale)
@@ -156,6 +156,7 @@ class AttitudeKalman:
             usual_step_s=state.usual_step_s,
             first_degC=state.first_degC,
             most_warming_K=state.most_warming_K,
+            granted_mps2=state.granted_mps2,
             gyro_bias=state.gyro_bias,
             sf_bias=state.sf_bias,
             gyro_matrix=state.gyro_matrix,
@@ -265,15 +266,23 @@ class AttitudeKalman:
         tilt_of_bias: FloatArray = _CROSS_UP.T @ so3.matrix_from_quaternion(state.q_WB) / self.settings.gravity_mps2
         return tilt_of_bias
 
-    def _widen_residual(self, state: AttitudeState) -> None:
+    def _weigh_gravity(self, state: AttitudeState) -> None:
         """Let the accelerometer's bias, and the tilt with it, be as uncertain on every axis as the specific force of
-        this rest is longer or shorter than gravity, where that is more than the calibration's residual explains."""
+        all rests has for long been longer or shorter than gravity, where the calibration does not explain it."""
         settings, P = self.settings, state.covariance
-        excess_mps2 = math.hypot(*vec3.minus(state.rest.mean_sf_B, state.sf_bias)) - settings.gravity_mps2
-        known_var = float(np.diag(P[SF_BIAS, SF_BIAS]).max())
-        if abs(excess_mps2) <= settings.excess_sigmas * math.hypot(math.sqrt(known_var), settings.gravity_std_mps2):
+        excess_mps2 = math.hypot(*state.rest.mean_sf_B) - settings.gravity_mps2
+        warmed_mps2 = settings.sf_bias_mps2_per_K * state.most_warming_K
+        explained = (self._sf_bias_mps2, warmed_mps2, settings.gravity_std_mps2, state.granted_mps2)
+        if abs(excess_mps2) <= settings.excess_sigmas * math.hypot(*explained) or excess_mps2 * state.excess_mps2 < 0.0:
+            state.excess_mps2, state.excess_from_ns = 0.0, None
             return
-        more_var, tilt_of_bias = excess_mps2**2 - known_var, self._tilt_of_bias(state)
+        state.excess_mps2 = min(excess_mps2, state.excess_mps2 or excess_mps2, key=abs)
+        now_ns = state.t_ns or 0
+        state.excess_from_ns = now_ns if state.excess_from_ns is None else state.excess_from_ns
+        if now_ns - state.excess_from_ns < 1e9 * settings.excess_s:
+            return
+        state.granted_mps2 = abs(state.excess_mps2)
+        more_var, tilt_of_bias = state.excess_mps2**2, self._tilt_of_bias(state)
         P[SF_BIAS, SF_BIAS] += more_var * _I3
         P[ROTATION, SF_BIAS] += more_var * tilt_of_bias
         P[SF_BIAS, ROTATION] += more_var * tilt_of_bias.T
@@ -332,8 +341,8 @@ class AttitudeKalman:
         variance = max(state.covariance[6, 6], state.covariance[7, 7]) + settings.sway_mps**2
         stands_still = math.hypot(*state.v_W[:2]) <= _FAR_SIGMAS * math.sqrt(variance)
         at_rest = self.at_rest(state)
-        if at_rest:
-            self._widen_residual(state)
+        if at_rest and state.started:
+            self._weigh_gravity(state)
         state.resting = at_rest and (state.resting or stands_still)
         return (at_rest and not state.resting) or math.hypot(*state.drift_W[:2]) > settings.drift_limit_mps
 

@@ -113,9 +113,10 @@ class AttitudeSettings:
     detection_delay_s: float = 0.1
     # A velocity that contradicts rest, or any walk, adds to the variance of the attitude.
     runaway_rad_rts: float = math.radians(0.5)
-    # Standard deviations beyond which a specific force at rest is not gravity: the accelerometer is worse than the
-    # calibration's residual says.
+    # The specific force of a rest that is longer or shorter than gravity by so many standard deviations, and for so
+    # long, longer than a lift takes to gain speed, tells that the accelerometer is worse than calibrated.
     excess_sigmas: float = 3.0
+    excess_s: float = 10.0
     # A start from rest, and in motion: from the mean specific force, at some pace, somewhere in its swing. For
     # `pace_unknown_s`, also after a rest, the pace may change as much as it is unknown: the tilt does not yet tell a
     # stop from a lean.
@@ -266,6 +267,9 @@ class AttitudeState:
     step: Step = field(default_factory=Step)
     levelling: Levelling | None = None  # until the tilt is known from samples
     checkpoints: "list[Checkpoint]" = field(default_factory=list)
+    excess_mps2: float = 0.0  # by which the specific force of all rests has at least been longer than gravity,
+    excess_from_ns: int | None = None  # since then
+    granted_mps2: float = 0.0  # so much of it is stated already
     before_clipping: "AttitudeState | None" = None  # while samples are clipped
 
     def copy(self) -> "AttitudeState":
