@@ -23,10 +23,12 @@ from perception.depth.rectify import Rectifier, Window
 
 
 class Rival(NamedTuple):
-    """A plane of `ratio` times the disparities, which the pair supports too; `misfit` is 1 less its correlation."""
+    """A plane of `ratio` times the disparities, which the pair supports too; `misfit` is 1 less its correlation, `alike`
+    whether the picture repeats itself there. Where it does not, the plane may be that of a second surface."""
 
     ratio: float
     misfit: float
+    alike: bool = True
 
 
 class Repeats(NamedTuple):
@@ -37,7 +39,11 @@ class Repeats(NamedTuple):
 
     def misfit_near(self, ratio: float) -> float:
         """Return the misfit of the plane, this one among them, whose ratio is nearest to `ratio`."""
-        return min((Rival(1.0, self.misfit), *self.rivals), key=lambda rival: abs(rival.ratio - ratio)).misfit
+        return min((self._itself, *self.rivals), key=lambda rival: abs(rival.ratio - ratio)).misfit
+
+    def of_the_floor(self) -> "Repeats":
+        """Return the same without what may be the plane of a second surface."""
+        return self._replace(rivals=tuple(rival for rival in self.rivals if rival.alike))
 
     def within(self, ratios: tuple[float, float]) -> "Repeats":
         """Return the same without the rivals beyond the least and the greatest of `ratios`."""
@@ -45,8 +51,12 @@ class Repeats(NamedTuple):
 
     def standing_out(self) -> float | None:
         """Return the ratio of the plane that fits clearly better than all others, 1 for the plane itself; or None."""
-        best, *others = sorted((Rival(1.0, self.misfit), *self.rivals), key=lambda rival: rival.misfit)
+        best, *others = sorted((self._itself, *self.rivals), key=lambda rival: rival.misfit)
         return best.ratio if all(other.misfit > _CLEARLY * best.misfit for other in others) else None
+
+    @property
+    def _itself(self) -> Rival:
+        return Rival(1.0, self.misfit)
 
 
 NO_REPEATS = Repeats(0.0, ())
@@ -73,10 +83,11 @@ def find_repeats(rectifier: Rectifier, images: Sequence[Image], points_C: FloatA
     if not peaks:
         return Repeats(misfit, ())
     itself = _self_likeness(laid.right, laid.here, laid.left.shape[1])
-    rivals = [Rival(ratio=1.0 - _EPSILON * (k - laid.here), misfit=1.0 - float(likeness[k])) for k in peaks]
-    repeated = [_best_near(itself, k) > _ALIKE for k in peaks]
-    found = (rival for rival, alike in zip(rivals, repeated, strict=True) if alike or _FAR * rival.misfit < misfit)
-    return Repeats(misfit, tuple(found))
+    rivals = (
+        Rival(1.0 - _EPSILON * (k - laid.here), 1.0 - float(likeness[k]), _comes_back(itself, laid.here, k))
+        for k in peaks
+    )
+    return Repeats(misfit, tuple(rival for rival in rivals if rival.alike or _FAR * rival.misfit < misfit))
 
 
 def _laid_pair(
@@ -127,6 +138,12 @@ def _self_likeness(laid: Float32Array, first: int, columns: int) -> FloatArray:
     return _likeness(about_mean, about_mean[:, first : first + columns])
 
 
+def _comes_back(itself: FloatArray, here: int, shift: int) -> bool:
+    """Return whether the picture is alike at `shift` again, and not only still, as a smooth one is a little further."""
+    again = _best_near(itself, shift)
+    return bool(again > _ALIKE and itself[min(here, shift) : max(here, shift) + 1].min() < _UNLIKE * again)
+
+
 def _likeness(wide: Float32Array, part: Float32Array) -> FloatArray:
     """Return the correlation of `part` with `wide`, of as many rows, at each shift."""
     likeness: FloatArray = cv2.matchTemplate(wide, part, cv2.TM_CCOEFF_NORMED)[0].astype(np.float64)
@@ -162,6 +179,8 @@ _NEAR = 2
 _ALIKE = 0.6
 """Share of the likeness at the plane itself; also the correlation of the laid picture with itself. Other floors have
 0.2 at most, tiles that are all alike 0.65 and more."""
+_UNLIKE = 0.5
+"""Of that likeness, or less, is left between two tiles."""
 _LEAST = 0.3
 _CLEARLY = 2.0
 """Times the misfit: tiles that differ slightly in print have 2.7 and more."""

@@ -58,10 +58,13 @@ class RepetitionWatch:
         if not self._asks(t_ns, fit, expected):
             return measured, True
         found = ask(fit.plane)
+        if expected is not None and not self.repeats(t_ns):
+            found = found.of_the_floor()  # the other surface at an edge is no tile
         if not found.rivals and not self.repeats(t_ns):
             return measured, True
-        if found.rivals:
+        if found.of_the_floor().rivals:
             self._until_ns = t_ns + round(1e9 * self.remembered_s)
+        if found.rivals:
             self._spacing_per_m = min(abs(1.0 - rival.ratio) for rival in found.rivals) / fit.plane.height_m  # (1)
         ratio = (_where_ground_may_be(found, fit.plane, region) if expected is None else found).standing_out()
         if ratio is not None:

@@ -1,5 +1,6 @@
 """A floor seen by an exact pair: tiles all alike have rivals where the geometry puts them, others have none."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -85,6 +86,13 @@ def test_a_floor_of_its_own_and_one_with_joints_across_the_walk_alone_have_no_ri
     striped = np.where(np.arange(SIZE_PX[1])[:, None] % 12 < 3, 60, 150) + rng.normal(0.0, 3.0, plain.shape)
     for picture in (plain, striped.astype(np.uint8)):
         assert found((picture, picture)).rivals == ()
+
+
+def test_a_smooth_floor_is_still_alike_a_little_further_and_repeats_nothing() -> None:
+    rng = np.random.default_rng(8)
+    smooth = cv2.GaussianBlur(rng.integers(0, 255, (SIZE_PX[1], SIZE_PX[0])).astype(np.uint8), (0, 0), 6.0)
+    smooth = cv2.normalize(smooth, np.empty_like(smooth), 40, 220, cv2.NORM_MINMAX)
+    assert found((smooth, smooth)).of_the_floor().rivals == ()
 
 
 def test_a_region_out_of_the_picture_has_no_rivals() -> None:

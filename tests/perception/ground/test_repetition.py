@@ -71,6 +71,14 @@ def test_a_surprise_is_asked_about(frame: GroundMeasurement) -> None:
     assert not watch.repeats(2_000_000_000)
 
 
+def test_the_other_surface_at_an_edge_is_no_tile() -> None:
+    watch, floor = RepetitionWatch(), Floor(Repeats(0.35, (Rival(0.88, 0.05, alike=False),)))
+    frame = measured(0.83, inlier_share=0.6)
+    assert resolved(watch, floor, frame, TRACKED) == (frame, True)
+    assert floor.asked == 1
+    assert not watch.repeats(0)
+
+
 def test_without_a_track_like_planes_give_none() -> None:
     answer, may_begin = resolved(RepetitionWatch(), Floor(LIKE), measured(0.95), None)
     assert (answer.fit, answer.reason, may_begin) == (None, Reason.LOW_TEXTURE, False)
