@@ -91,7 +91,7 @@ def measure_step(
     if believed and squares(innovation, likely) <= settings.refused_sigmas**2:
         fuse(state, H, innovation, _robust(noise, by_part, settings))
         state.without_camera_s = 0.0
-    follow_ground(state, step.duration_s, settings)
+    follow_ground(kalman, state, step.duration_s)
     turned_W = so3.transform(so3.rows_from_quaternion(state.q_WB), step.turn_B)
     turn_squares, travel_squares = by_part
     return Innovation(

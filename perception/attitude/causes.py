@@ -113,16 +113,21 @@ def _doubt_ground(state: AttitudeState, settings: CameraStepSettings) -> None:
     state.ground.calm_s = 0.0
 
 
-def follow_ground(state: AttitudeState, duration_s: float, settings: CameraStepSettings) -> None:
+def follow_ground(kalman: AttitudeKalman, state: AttitudeState, duration_s: float) -> None:
     """Count how often the ground's acceleration turns round; let it be at rest again once that is small for long."""
-    ground = state.ground
+    settings, ground = kalman.settings.camera, state.ground
     if not ground.moves:
         return
     _count_reversals(ground, duration_s, settings)
-    calm = math.hypot(*ground.acceleration_W) < settings.ground_at_rest_mps2
+    share = duration_s / (duration_s + settings.ground_smoothing_s)
+    ground.smooth_W = vec3.between(ground.smooth_W, ground.acceleration_W, share)
+    calm = math.hypot(*ground.smooth_W) < settings.ground_at_rest_mps2
     calm = calm and abs(ground.turn_radps) < settings.ground_at_rest_radps
     ground.calm_s = ground.calm_s + duration_s if calm else 0.0
     if ground.calm_s > settings.ground_at_rest_s:
+        # what was taken for a little acceleration may all along have been a tilt
+        tilt_var = (ground.smooth_W[0] ** 2 + ground.smooth_W[1] ** 2) / kalman.settings.gravity_mps2**2
+        state.covariance[ROTATION, ROTATION] += tilt_var * np.diag((1.0, 1.0, 0.0))
         state.ground = GroundMotion()
         state.covariance[SCALE, SCALE] = ground.frozen_scale_var
         for part in (GROUND, GROUND_TURN):

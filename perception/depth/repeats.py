@@ -23,8 +23,9 @@ from perception.depth.rectify import Rectifier, Window
 
 
 class Rival(NamedTuple):
-    """A plane of `ratio` times the disparities, which the pair supports too; `misfit` is 1 less its correlation, `alike`
-    whether the picture repeats itself there. Where it does not, the plane may be that of a second surface."""
+    """A plane of `ratio` times the disparities, which the pair supports too; `misfit` is 1 less its correlation.
+
+    It is `alike` where the picture repeats itself there; where not, the plane may be that of a second surface."""
 
     ratio: float
     misfit: float

@@ -6,7 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from messages import Reason, vec3
+from messages import Reason, Residual, vec3
+from perception.attitude.causes import follow_ground
+from perception.attitude.kalman import AttitudeKalman
+from perception.attitude.state import AttitudeSettings, GroundMotion
 from perception.motion.ego_motion import EgoMotion
 from tests.bench.seen_motion import R_BC, WALKING_NS, SampleAt, gait
 from tests.bench.told_track import Alter, Followed, follow
@@ -113,3 +116,18 @@ def test_distances_that_are_too_long_are_found_out() -> None:
 def test_an_accelerometer_that_drives_as_no_ground_does_is_wrong() -> None:
     followed = follow(WALKING_NS + 4 * S, riding(lambda t_s: np.array((8.0, 0.0, 0.0)) * (t_s > 1.0), lambda _: 0.0))
     assert followed[-1].reason is Reason.IMU_INCONSISTENT
+
+
+@pytest.mark.parametrize(("acceleration_mps2", "rests"), [(0.1, True), (0.3, False)])
+def test_a_little_acceleration_of_the_ground_is_taken_for_a_tilt_in_the_end(
+    acceleration_mps2: float, rests: bool
+) -> None:
+    settings = AttitudeSettings()
+    kalman = AttitudeKalman(settings, Residual())
+    state = kalman.new_state()
+    state.ground = GroundMotion(moves=True, acceleration_W=(acceleration_mps2, 0.0, 0.0))
+    for _ in range(100):
+        follow_ground(kalman, state, 0.05)
+    assert state.ground.moves is not rests
+    tilt_rad = acceleration_mps2 / settings.gravity_mps2 if rests else 0.0
+    assert np.sqrt(state.covariance[0, 0]) == pytest.approx(tilt_rad, rel=0.1)
