@@ -119,14 +119,13 @@ def follow_ground(kalman: AttitudeKalman, state: AttitudeState, duration_s: floa
     if not ground.moves:
         return
     _count_reversals(ground, duration_s, settings)
-    share = duration_s / (duration_s + settings.ground_smoothing_s)
-    ground.smooth_W = vec3.between(ground.smooth_W, ground.acceleration_W, share)
-    calm = math.hypot(*ground.smooth_W) < settings.ground_at_rest_mps2
+    calm = math.hypot(*ground.acceleration_W) < settings.ground_at_rest_mps2
     calm = calm and abs(ground.turn_radps) < settings.ground_at_rest_radps
     ground.calm_s = ground.calm_s + duration_s if calm else 0.0
     if ground.calm_s > settings.ground_at_rest_s:
         # what was taken for a little acceleration may all along have been a tilt
-        tilt_var = (ground.smooth_W[0] ** 2 + ground.smooth_W[1] ** 2) / kalman.settings.gravity_mps2**2
+        x, y, _ = ground.acceleration_W
+        tilt_var = (x**2 + y**2) / kalman.settings.gravity_mps2**2
         state.covariance[ROTATION, ROTATION] += tilt_var * np.diag((1.0, 1.0, 0.0))
         state.ground = GroundMotion()
         state.covariance[SCALE, SCALE] = ground.frozen_scale_var

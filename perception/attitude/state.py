@@ -51,9 +51,8 @@ class CameraStepSettings:
     ground_average_s: float = 10.0  # over which less, down to `ground_least_mps2`, becomes usual
     ground_least_mps2: float = 0.3
     ground_jump_mps: float = 0.2  # of velocity, until that was found
-    # It is at rest again once it has moved less than this, smoothed, for so long.
-    ground_smoothing_s: float = 1.0
-    ground_at_rest_mps2: float = 0.15
+    # It is at rest again once it has moved less than this for so long.
+    ground_at_rest_mps2: float = 0.18
     ground_at_rest_radps: float = math.radians(1.0)
     ground_at_rest_s: float = 3.0
     # No ground accelerates, or has by then become, as fast as this along the axes of W: the accelerometer is wrong.
@@ -196,15 +195,13 @@ class Contradictions:
 
 @dataclass
 class GroundMotion:
-    """Whether the ground that the camera sees moves, as in a bus or lift: its acceleration in W, m/s², the same
-    smoothed, and what it has made of its velocity, m/s; its turn about the vertical, rad/s; and for how long it has
-    hardly moved."""
+    """Whether the ground that the camera sees moves, as in a bus or lift: its acceleration in W, m/s², and what that
+    has made of its velocity, m/s, its turn about the vertical, rad/s, and for how long it has hardly moved."""
 
     moves: bool = False
     acceleration_W: Vec3 = vec3.ZERO
     velocity_W: Vec3 = vec3.ZERO
     turn_radps: float = 0.0
-    smooth_W: Vec3 = vec3.ZERO
     calm_s: float = 0.0
     usual_square: float = 0.0  # of the horizontal acceleration on one axis, (m/s²)²
     extreme_W: Vec3 = vec3.ZERO  # the acceleration farthest in the direction of the last
