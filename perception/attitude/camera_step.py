@@ -25,18 +25,8 @@ from messages.arrays import FloatArray
 from perception import so3, vec3
 from perception.attitude.agreement import Innovation
 from perception.attitude.causes import follow_ground, look_for_causes, squares, squares_by_part
-from perception.attitude.kalman import (
-    BEGINNING,
-    GROUND_TURN,
-    LAG,
-    MOUNT,
-    ROTATION,
-    SCALE,
-    SIZE,
-    TRAVEL,
-    AttitudeKalman,
-    fuse,
-)
+from perception.attitude.error_state import BEGINNING, GROUND_TURN, LAG, MOUNT, ROTATION, SCALE, SIZE, TRAVEL
+from perception.attitude.kalman import AttitudeKalman, fuse
 from perception.attitude.state import AttitudeState, CameraStepSettings
 
 

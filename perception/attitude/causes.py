@@ -16,17 +16,8 @@ import numpy as np
 
 from messages.arrays import FloatArray
 from perception import vec3
-from perception.attitude.kalman import (
-    GROUND,
-    GROUND_TURN,
-    GYRO_BIAS,
-    MOUNT,
-    ROTATION,
-    SCALE,
-    VELOCITY,
-    AttitudeKalman,
-    ground_var,
-)
+from perception.attitude.error_state import GROUND, GROUND_TURN, GYRO_BIAS, MOUNT, ROTATION, SCALE, VELOCITY
+from perception.attitude.kalman import AttitudeKalman, ground_var
 from perception.attitude.state import AttitudeState, CameraStepSettings, Contradiction, Contradictions, GroundMotion
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from messages import Quaternion, Reason, Residual, Status, Vec3
 from messages.arrays import FloatArray
 from perception import so3, vec3
+from perception.attitude.accelerometer import follow_temperature
 from perception.attitude.agreement import Innovation
 from perception.attitude.camera_step import CameraStep, begin_step, measure_step
 from perception.attitude.causes import (
@@ -231,7 +232,7 @@ class AttitudeFilter:
         if sample.clipped or dt_s > settings.detection_delay_s / 2:
             state.rest, state.pace_unknown_s = Rest(), settings.pace_unknown_s  # a walk may have begun unseen
         state.rest.update(settings.rest, sample.sf_B, sample.w_B, dt_s)
-        self._kalman.follow_temperature(state, sample.temperature_degC)
+        follow_temperature(state, settings, sample.temperature_degC)
         rested = state.resting
         if not state.started:
             state.sf_measured, state.w_measured, state.usual_step_s = sample.sf_B, sample.w_B, dt_s

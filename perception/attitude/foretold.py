@@ -7,7 +7,8 @@ import numpy as np
 from messages import Vec3, vec3
 from messages.arrays import FloatArray
 from perception import so3
-from perception.attitude.kalman import GYRO_BIAS, VELOCITY, AttitudeKalman
+from perception.attitude.error_state import GYRO_BIAS, VELOCITY
+from perception.attitude.kalman import AttitudeKalman
 from perception.attitude.state import AttitudeState
 
 

@@ -33,45 +33,27 @@ import numpy as np
 
 from messages import Residual, Vec3
 from messages.arrays import FloatArray
-from messages.learnt import DIE_TEMPERATURES_DEGC
 from perception import so3, vec3
+from perception.attitude.accelerometer import CROSS_UP, tilt_of_bias, weigh_gravity
+from perception.attitude.error_state import (
+    BEGINNING,
+    DRIFT,
+    GROUND,
+    GROUND_TURN,
+    GYRO_BIAS,
+    GYRO_MATRIX,
+    LAG,
+    MOUNT,
+    ROTATION,
+    SCALE,
+    SF_BIAS,
+    SIZE,
+    TRAVEL,
+    VELOCITY,
+)
 from perception.attitude.rest import Rest
 from perception.attitude.sensor_errors import SensorErrors
 from perception.attitude.state import AttitudeSettings, AttitudeState, GroundMotion, Sample, Step
-
-SIZE = 39
-(
-    ROTATION,
-    GYRO_BIAS,
-    VELOCITY,
-    DRIFT,
-    SF_BIAS,
-    GYRO_MATRIX,
-    TRAVEL,
-    BEGINNING,
-    SCALE,
-    GROUND,
-    GROUND_TURN,
-    MOUNT,
-    LAG,
-) = (
-    slice(0, 3),
-    slice(3, 6),
-    slice(6, 9),
-    slice(9, 12),
-    slice(12, 15),
-    slice(15, 24),
-    slice(24, 27),
-    slice(27, 30),
-    slice(30, 31),
-    slice(31, 34),
-    slice(34, 35),
-    slice(35, 38),
-    slice(38, 39),
-)
-"""Where each error stands in the error state; the gyroscope's matrix row by row. BEGINNING is the rotation's error at
-the beginning of the camera's step; SCALE, MOUNT and LAG are those of its distances, its orientation in B and its clock;
-GROUND and GROUND_TURN those of the acceleration, and of the turn about the vertical, of the ground that it sees."""
 
 _I, _I3 = np.eye(SIZE), np.eye(3)
 _DIAGONAL = np.diag_indices(SIZE)
@@ -79,9 +61,6 @@ _RATE_IS_ZERO = _I[GYRO_BIAS]
 _SWING_IS_ZERO = _I[VELOCITY] - _I[DRIFT]
 _RATE_AND_SWING_ARE_ZERO = np.vstack((_RATE_IS_ZERO, _SWING_IS_ZERO))
 """What (4) measures of the error state, each (rows, SIZE)."""
-
-_CROSS_UP = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-"""θ × e_z = _CROSS_UP θ."""
 
 _FAR_SIGMAS = 3.0
 """Standard deviations beyond which a velocity belongs to another motion."""
@@ -133,20 +112,6 @@ class AttitudeKalman:
         variances: list[float] = np.diag(state.covariance).tolist()
         gyro_var, sf_var = _vec3(variances, GYRO_BIAS), _vec3(variances, SF_BIAS)
         return SensorErrors(state.gyro_bias, gyro_var, state.sf_bias, sf_var, state.scale, variances[SCALE.start])
-
-    def follow_temperature(self, state: AttitudeState, temperature_degC: float) -> None:
-        """Let the accelerometer's bias have changed as much as its die has warmed up or cooled down since the first
-        sample; a temperature that is NaN, or none of a die, tells nothing."""
-        low, high = DIE_TEMPERATURES_DEGC
-        if not low <= temperature_degC <= high:
-            return
-        if math.isnan(state.first_degC):
-            state.first_degC = temperature_degC
-        warming_K = abs(temperature_degC - state.first_degC)
-        if warming_K > state.most_warming_K:
-            change_var = self.settings.sf_bias_mps2_per_K**2 * (warming_K**2 - state.most_warming_K**2)
-            state.covariance[SF_BIAS, SF_BIAS] += change_var * _I3
-            state.most_warming_K = warming_K
 
     def after_gap(self, state: AttitudeState, gap_s: float) -> AttitudeState:
         """Return the state before the first sample after `gap_s` without: of the motion nothing is left, of the
@@ -255,38 +220,11 @@ class AttitudeKalman:
         state.ground = GroundMotion()
         for motion in (ROTATION, VELOCITY, DRIFT, TRAVEL, BEGINNING, GROUND, GROUND_TURN):
             P[motion, :] = P[:, motion] = 0.0
-        tilt_of_bias = self._tilt_of_bias(state)
-        P[ROTATION, :] = tilt_of_bias @ P[SF_BIAS, :]
+        leaning = tilt_of_bias(state, self.settings)
+        P[ROTATION, :] = leaning @ P[SF_BIAS, :]
         P[:, ROTATION] = P[ROTATION, :].T
-        P[ROTATION, ROTATION] = tilt_of_bias @ P[SF_BIAS, SF_BIAS] @ tilt_of_bias.T + np.diag((1, 1, 0)) * tilt_rad**2
+        P[ROTATION, ROTATION] = leaning @ P[SF_BIAS, SF_BIAS] @ leaning.T + np.diag((1, 1, 0)) * tilt_rad**2
         P[VELOCITY, VELOCITY] = P[DRIFT, DRIFT] = np.eye(3) * speed_mps**2
-
-    def _tilt_of_bias(self, state: AttitudeState) -> FloatArray:
-        """Return ∂θ/∂δa (3, 3) of a vertical that leans as the accelerometer's bias makes it: g θ × e_z = R_WB δa."""
-        tilt_of_bias: FloatArray = _CROSS_UP.T @ so3.matrix_from_quaternion(state.q_WB) / self.settings.gravity_mps2
-        return tilt_of_bias
-
-    def _weigh_gravity(self, state: AttitudeState) -> None:
-        """Let the accelerometer's bias, and the tilt with it, be as uncertain on every axis as the specific force of
-        all rests has for long been longer or shorter than gravity, where the calibration does not explain it."""
-        settings, P = self.settings, state.covariance
-        excess_mps2 = math.hypot(*state.rest.mean_sf_B) - settings.gravity_mps2
-        warmed_mps2 = settings.sf_bias_mps2_per_K * state.most_warming_K
-        explained = (self._sf_bias_mps2, warmed_mps2, settings.gravity_std_mps2, state.granted_mps2)
-        if abs(excess_mps2) <= settings.excess_sigmas * math.hypot(*explained) or excess_mps2 * state.excess_mps2 < 0.0:
-            state.excess_mps2, state.excess_from_ns = 0.0, None
-            return
-        state.excess_mps2 = min(excess_mps2, state.excess_mps2 or excess_mps2, key=abs)
-        now_ns = state.t_ns or 0
-        state.excess_from_ns = now_ns if state.excess_from_ns is None else state.excess_from_ns
-        if now_ns - state.excess_from_ns < 1e9 * settings.excess_s:
-            return
-        state.granted_mps2 = abs(state.excess_mps2)
-        more_var, tilt_of_bias = state.excess_mps2**2, self._tilt_of_bias(state)
-        P[SF_BIAS, SF_BIAS] += more_var * _I3
-        P[ROTATION, SF_BIAS] += more_var * tilt_of_bias
-        P[SF_BIAS, ROTATION] += more_var * tilt_of_bias.T
-        P[ROTATION, ROTATION] += more_var * tilt_of_bias @ tilt_of_bias.T
 
     def integrate(self, state: AttitudeState, sample: Sample, dt_s: float) -> None:
         """(1) and (2) by the trapezoidal rule."""
@@ -342,7 +280,7 @@ class AttitudeKalman:
         stands_still = math.hypot(*state.v_W[:2]) <= _FAR_SIGMAS * math.sqrt(variance)
         at_rest = self.at_rest(state)
         if at_rest and state.started:
-            self._weigh_gravity(state)
+            weigh_gravity(state, self.settings, self._sf_bias_mps2)
         state.resting = at_rest and (state.resting or stands_still)
         return (at_rest and not state.resting) or math.hypot(*state.drift_W[:2]) > settings.drift_limit_mps
 
@@ -353,8 +291,8 @@ class AttitudeKalman:
         F = _I.copy()
         F[ROTATION, GYRO_BIAS] = F[VELOCITY, SF_BIAS] = -sum_R_dt
         F[ROTATION, GYRO_MATRIX] = (rows.T @ (-dts_s[:, np.newaxis] * np.array(step.rates))).reshape(3, 9)
-        F[VELOCITY, ROTATION] = g_mps2 * T_s * _CROSS_UP
-        F[TRAVEL, ROTATION] = 0.5 * g_mps2 * T_s**2 * _CROSS_UP
+        F[VELOCITY, ROTATION] = g_mps2 * T_s * CROSS_UP
+        F[TRAVEL, ROTATION] = 0.5 * g_mps2 * T_s**2 * CROSS_UP
         F[TRAVEL, VELOCITY] = T_s * _I3
         F[TRAVEL, SF_BIAS] = -0.5 * T_s * sum_R_dt
         F[VELOCITY, GROUND] = -T_s * _I3

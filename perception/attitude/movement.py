@@ -7,7 +7,7 @@ import numpy as np
 from messages import Vec3
 from messages.arrays import FloatArray
 from perception import so3
-from perception.attitude.kalman import (
+from perception.attitude.error_state import (
     BEGINNING,
     GROUND_TURN,
     GYRO_BIAS,
@@ -16,8 +16,8 @@ from perception.attitude.kalman import (
     SIZE,
     TRAVEL,
     VELOCITY,
-    AttitudeKalman,
 )
+from perception.attitude.kalman import AttitudeKalman
 from perception.attitude.path_length import Travel, Way
 from perception.attitude.state import AttitudeState
 
