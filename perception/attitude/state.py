@@ -97,8 +97,8 @@ class AttitudeSettings:
     drift_time_s: float = 20.0
     drift_limit_mps: float = 3.0
     swing_floor_mps_rts: float = 0.2
-    swing_time_s: float = 1.12
-    swing_smoothing_s: float = 0.15
+    swing_time_s: float = 1.0
+    swing_smoothing_s: float = 0.05
     most_swing_mps: float = 1.0  # more is an error's, not a person's
     swing_average_s: float = 3.0
     # At rest the drift is a standing wearer's sway, and nothing swings. The rate's mean over T has the variance

@@ -89,7 +89,8 @@ def followed(
     levels: int,
     stop: tuple[int, int, float] | None = None,
 ) -> tuple[Float32Array, BoolArray]:
-    """Return where `points_px` (N, 2) of one picture are in another, and which of them were found there.
+    """Return where `points_px` (N, 2) of one picture are in another, and which of them were found there, but not where
+    the window reaches beyond its border: what is made up there draws them to the inside.
 
     The search begins at `guess_px`, in a picture reduced `levels` times by a half, and ends at `stop`, else `_STOP`.
     """
@@ -103,7 +104,11 @@ def followed(
         criteria=stop or _STOP,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW | cv2.OPTFLOW_LK_GET_MIN_EIGENVALS,  # which cost less than OpenCV's errors
     )
-    return there_px.reshape(-1, 2).astype(np.float32), status.ravel() == 1
+    found_px: Float32Array = there_px.reshape(-1, 2).astype(np.float32)
+    height, width = after.shape
+    last_px = np.array((width - 1 - _BORDER_PX, height - 1 - _BORDER_PX))
+    inside: BoolArray = np.all((found_px >= _BORDER_PX) & (found_px <= last_px), axis=1)
+    return found_px, inside & (status.ravel() == 1)
 
 
 def is_ambiguous(left: GreyImage, right: GreyImage, corner_px: Float32Array, matched_px: Float32Array) -> bool:
@@ -132,6 +137,10 @@ _UNDISTORTED = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-4)
 """Steps at most, and in px what ends them: OpenCV's five steps leave 0.1 px at a picture's corner."""
 _NEIGHBOURHOOD_PX = (21, 21)
 """Of the local mean: twice the window that is followed."""
+REACH_PX = 16
+"""So far about a corner is what has a part in where it is found: half a window, and half that neighbourhood."""
+REACH_PX = 16
+"""As far from a corner what is seen has a part in where it is found: half a window, and half the neighbourhood."""
 _MIDDLE = 128.0
 _USUAL_CONTRAST = 10.0
 """Grey values, median of the absolute: a few times more before white or black cut it off."""

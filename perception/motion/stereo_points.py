@@ -4,14 +4,16 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import cv2
 import msgspec
 import numpy as np
 
 from messages import StereoCalibration, reduced_lens
-from messages.arrays import Float32Array, FloatArray, GreyImage
+from messages.arrays import BoolArray, Float32Array, FloatArray, FloatImage, GreyImage
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window
-from perception.motion.corners import Eye, corners, detail, followed, is_ambiguous
+from perception.motion.corners import REACH_PX, Eye, corners, detail, is_ambiguous
+from perception.motion.slanted import Slant
 
 
 @dataclass(frozen=True)
@@ -42,12 +44,14 @@ class StereoPoints:
 
     Where in the right eye a corner may be, dense matching at half that size tells, with rows taken together. A floor of
     tiles that are all alike repeats itself along the rows: then one disparity is as good as another, all corners may
-    agree on a wrong one, and there are no points.
+    agree on a wrong one, and there are no points. Nor are there beside something nearer: behind the lip of a stair the
+    window that follows a corner sees the lip as well, which moves faster, and all such corners err the same way.
     """
 
     # Pixels are those of the reduced picture, but for the skew itself.
     width_px = 320
     rows_together = 3  # of the coarse picture, which dense matching averages
+    most_beside = 0.4  # of the picture: where a frame, as of a rollator, stands all over the ground, all of it counts
     least_points = 20  # for a median that outliers do not move
     most_skew_px = 1.0  # between the eyes' rows: a larger one is a false match
     most_skew_spread_px = 0.2  # median about the median: more, and the matches do not agree on any skew
@@ -95,7 +99,7 @@ class StereoPoints:
             return _without_points(t_exposure_ns, left), NO_SKEW
         away_C = rays_C.copy()
         away_C[:, 0] -= guess
-        matched_px, good = followed(left, right, corners_px, self._right.pixels(away_C), levels=0)
+        matched_px, good = Slant(corners_px, self._right.pixels(away_C)).matched(left, right)
         if self._repeats(left, right, corners_px[good], matched_px[good]):
             return _without_points(t_exposure_ns, left), NO_SKEW
         seen_C = self._right.rays_C(matched_px)
@@ -134,10 +138,14 @@ class StereoPoints:
         return Skew(self._divisor * self.left.f_px * median, growth)
 
     def _coarse_disparity(self, left: GreyImage, right: GreyImage, rays_C: FloatArray) -> FloatArray:
-        """Return the disparity (N,) of rays (N, 3), in units of the focal length, to a pixel; NaN where unknown."""
+        """Return the disparity (N,) of rays (N, 3), in units of the focal length, to a pixel; NaN where unknown, or
+        beside something nearer."""
         coarse = self._coarse
         whole = Window(0, coarse.height_px, 0, coarse.width_px)
         disparity_px = self._matcher.match(left, right, whole, self._search)
+        beside = self._beside_nearer(disparity_px)
+        if beside.mean() < self.most_beside:
+            disparity_px[beside] = np.nan
         rows, columns = disparity_px.shape
         u = np.rint(coarse.f_px * rays_C[:, 0] + coarse.cx_px).astype(np.intp)
         v = np.floor((coarse.f_px * rays_C[:, 1] + coarse.cy_px + 0.5) * (rows / coarse.height_px)).astype(np.intp)
@@ -146,6 +154,22 @@ class StereoPoints:
         found_px[inside] = disparity_px[v[inside], u[inside]]
         found_px[found_px < _LEAST_DISPARITY_PX] = np.nan
         return found_px / coarse.f_px
+
+    def _beside_nearer(self, disparity_px: FloatImage) -> BoolArray:
+        """Return which pixels of the coarse picture (rows, columns) are behind an edge in depth, within `REACH_PX`.
+
+        An edge is where disparity differs between neighbours by more than half of what it does between those twice as
+        far apart: on a slope, however steep, it is half.
+        """
+        known = np.isfinite(disparity_px)
+        near, far = np.where(known, disparity_px, _NO_DISPARITY), np.where(known, disparity_px, -_NO_DISPARITY)
+        nearest = cv2.dilate(near, _NEIGHBOURS)
+        beyond_slope = nearest - cv2.erode(far, _NEIGHBOURS)
+        beyond_slope -= 0.5 * (cv2.dilate(near, _TWICE_AS_FAR) - cv2.erode(far, _TWICE_AS_FAR))
+        edge = np.where(beyond_slope > _LEAST_EDGE_PX, nearest, _NO_DISPARITY)
+        columns, rows = (2 * math.ceil(0.5 * REACH_PX / each) + 1 for each in (1, self.rows_together))
+        beside = cv2.dilate(edge, np.ones((rows, columns), np.uint8))
+        return np.asarray(disparity_px < beside - _LEAST_EDGE_PX, dtype=np.bool_)
 
 
 def _median(values: FloatArray) -> float:
@@ -164,5 +188,10 @@ _FAR_SPREADS = 6.0
 """Median deviations beyond which a corner's skew is a false match's: 4 σ."""
 _DEPTHS_M = (3.0, 0.65)
 """Farthest and nearest that is looked for, and a little beyond: ground and stairs from a hip that looks down."""
+_NO_DISPARITY = np.float32(-1e3)
+"""Where none is known: nearer than nothing, and farther."""
+_NEIGHBOURS, _TWICE_AS_FAR = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
+_LEAST_EDGE_PX = 0.5
+"""Of the coarse picture, which is a jump twice as large: dense matching makes stairs nearly as high of a slope."""
 _LEAST_DISPARITY_PX = 1.5
 """Of the coarse picture: with less, depth is hardly known at all."""

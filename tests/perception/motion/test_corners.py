@@ -44,6 +44,17 @@ def test_brightness_and_shade_do_not_pass_for_a_motion(contrast: float) -> None:
     assert np.abs(np.median(error_px, axis=0)).max() < 0.02 / contrast**0.5
 
 
+def test_what_the_window_sees_only_in_part_is_not_found() -> None:
+    picture = texture(4)
+    one, other = (detail(each, 4) for each in (picture, np.roll(picture, 24, axis=0)))
+    points_px = corners(one)
+    _, good = tracked(one, other, points_px, points_px + np.array([0.0, 6.0], np.float32), levels=0)
+    in_part = points_px[:, 1] + 6.0 > 175.0
+    assert in_part.sum() >= 5
+    assert not good[in_part].any()
+    assert good[points_px[:, 1] < 160.0].mean() > 0.8
+
+
 def test_tiles_are_alike_along_a_row_and_ground_is_not() -> None:
     tiles = np.tile(np.pad(np.full((28, 28), 60, np.uint8), 4), (5, 9))[:, :320]
     rough = detail(texture(3), 4)

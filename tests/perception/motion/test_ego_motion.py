@@ -92,6 +92,14 @@ def test_rates_and_velocities_of_a_walk(wearer: SimulatedWearer, frames: list[St
     assert (rms < 2.5 * np.mean(stated, axis=0)).all()
 
 
+def test_rates_do_not_lean_above_a_stair_down() -> None:
+    wearer = SimulatedWearer(2, scenario("mixed"), START_NS, perfect_calibration=True)
+    lip_in_view = [frame for frame, _ in wearer.frames(31, first=620)]
+    told = motions(wearer, lip_in_view)
+    assert None not in told[1:]
+    assert np.abs(errors(wearer, told)[:, :3].mean(axis=0)).max() < np.radians(0.2)
+
+
 def test_a_gyroscope_that_stands_still_does_not_hide_the_motion(
     wearer: SimulatedWearer, frames: list[StereoFrame]
 ) -> None:

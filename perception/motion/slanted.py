@@ -1,0 +1,65 @@
+"""Matching the corners of slanted ground between two eyes.
+
+Ground that is looked at from above is slanted, so its disparity changes by a tenth of a pixel and more from row to row:
+within the window that is followed, one eye's picture is sheared against the other's, and where the corner is found
+then depends on which side of it has more contrast. So the right picture is first sheared as most corners are,
+
+    x_right = A (x, y, 1),                                                                                      (1)
+
+with A (2, 3) of robust least squares over about where they are. What is then followed is alike in both, and whatever A
+is, (1) carries the result back exactly.
+"""
+
+import cv2
+import numpy as np
+
+from messages.arrays import BoolArray, Float32Array, FloatArray, GreyImage
+from perception.motion.corners import followed
+
+
+class Slant:
+    """A of (1), from corners (N, 2) of the left picture and about where they are in the right one (N, 2)."""
+
+    def __init__(self, corners_px: Float32Array, about_px: Float32Array) -> None:
+        self._corners_px, self._about_px = corners_px, about_px
+        self._A = _affine(corners_px.astype(np.float64), about_px.astype(np.float64))
+
+    def matched(self, left: GreyImage, right: GreyImage) -> tuple[Float32Array, BoolArray]:
+        """Return where (N, 2) the corners are in the right picture, and which of them were found there."""
+        height, width = right.shape
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        sheared = cv2.warpAffine(right, self._A, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        back = cv2.invertAffineTransform(self._A)
+        found_px, good = followed(left, sheared, self._corners_px, _moved(self._about_px, back), levels=0)  # type: ignore[arg-type]
+        return _moved(found_px, self._A), good
+
+
+def _affine(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return A (2, 3) that brings x (N, 2) to about y (N, 2), by weights that fall with the misfit (Cauchy's).
+
+    What too few points do not tell is no shear.
+    """
+    middle = x.mean(axis=0)
+    design, shift = np.column_stack(((x - middle) / _USUAL_PX, np.ones(len(x)))), y - x
+    weight = np.ones(len(x))
+    for _ in range(_ROUNDS):
+        weighted = design * weight[:, None]
+        by = np.linalg.solve(weighted.T @ design + _RIDGE * np.eye(3), weighted.T @ shift).T
+        misfit = np.hypot(*(shift - design @ by.T).T)
+        weight = 1.0 / (1.0 + (misfit / max(_LEAST_MISFIT_PX, float(np.median(misfit)))) ** 2)
+    shear = np.eye(2) + by[:, :2] / _USUAL_PX
+    return np.column_stack((shear, middle + by[:, 2] - shear @ middle))
+
+
+def _moved(points_px: Float32Array, A: FloatArray) -> Float32Array:
+    moved: Float32Array = (points_px @ A[:, :2].T + A[:, 2]).astype(np.float32)
+    return moved
+
+
+_ROUNDS = 4
+_USUAL_PX = 100.0
+"""Distance of corners from their middle."""
+_RIDGE = 1e-2
+"""Weight of no shear, in corners at that distance."""
+_LEAST_MISFIT_PX = 0.3
+"""What dense matching errs by."""
