@@ -12,9 +12,9 @@ import msgspec
 import pytest
 import zenoh
 
-from daemon.config import ZenohSettings
 from daemon.publish_zenoh import ZenohPublisher
 from drivers.protocols import DeviceError
+from drivers.zenoh.settings import ZenohSettings
 from messages import TOPICS, Calibration, Estimate, GroundPlane, Source
 from messages.codec import decode, published_schemas
 from tests.bench.can_samples import attitude, calibration, ground, health, invalid_ground, motion, stamp
@@ -27,9 +27,9 @@ class Configuration(msgspec.Struct, frozen=True):
     rate_hz: float = 20.0
 
 
-def publisher(endpoint: str, device: str = "unit-1", *, replay: bool = False) -> ZenohPublisher:
+def publisher(endpoint: str, device: str = "unit-1", *, replay: bool = False, insecure: bool = False) -> ZenohPublisher:
     return ZenohPublisher(
-        ZenohSettings(listen=endpoint),
+        ZenohSettings(listen=endpoint, insecure=insecure),
         device,
         calibration=calibration(),
         configuration=Configuration(),
@@ -175,7 +175,7 @@ def test_publishing_after_the_end_is_counted_and_not_raised(endpoint: str) -> No
 def test_a_publisher_that_was_never_closed_does_not_keep_its_process_alive(endpoint: str) -> None:
     program = f"""
 from daemon.publish_zenoh import ZenohPublisher
-from daemon.config import ZenohSettings
+from drivers.zenoh.settings import ZenohSettings
 from tests.bench.can_samples import calibration
 settings = ZenohSettings(listen={endpoint!r})
 publisher = ZenohPublisher(settings, "unit-1", calibration=calibration(), configuration=settings)
@@ -195,7 +195,7 @@ def test_a_taken_address_is_one_clear_line(live: ZenohPublisher, endpoint: str) 
 @pytest.mark.parametrize("listen", ["garbage", "carrier/pigeon:1", "tcp/127.0.0.1:99999"])
 def test_an_address_that_is_none_is_one_clear_line(listen: str) -> None:
     with pytest.raises(DeviceError) as refused:
-        publisher(listen)
+        publisher(listen, insecure=True)
     assert str(refused.value).startswith(f"Zenoh: cannot listen on {listen}: ")
     assert ".rs" not in str(refused.value)
     assert "\n" not in str(refused.value)
