@@ -5,7 +5,8 @@
 
 The service is `gaiteyes demo` in the directory of an installed one (/run/gaiteyes, made here as its unit makes it);
 both examples listen. Adversaries (`lab.faults.forger`) are programs of another user, in the service's group (who may
-connect) and outside of it. They are there before the service, while it runs, while it starts anew and afterwards.
+connect) and outside of it. They are there before the service, while it runs, while it starts anew and afterwards. For
+the floods the service has pictures rendered beforehand and its real-time priorities, as on a unit.
 """
 
 import argparse
@@ -27,6 +28,7 @@ from drivers.zenoh.local_socket import SERVICE_DIRECTORY, subscriber_endpoint
 from drivers.zenoh.session import open_client
 from drivers.zenoh.settings import Credentials
 from lab.faults.forger import FORGED_HEIGHT_M
+from lab.faults.steady_service import READY
 from messages import TOPIC_OF, GroundPlane, UserError
 
 _HOME = Path(__file__).parents[1]
@@ -108,11 +110,14 @@ def _example(name: str, user: User | None) -> Program:
     return Program(f"examples/{name}.py", "--accept-simulated", user=user)
 
 
-def _service(*more: str) -> Program:
-    """Start the service; return once it publishes, or has ended."""
-    service = Program("-m", "cli.main", "demo", "--scenario", "standing", "--seconds", "3600", *more)
+def _demo(*more: str) -> Program:
+    """Start the demo; return once it publishes, or has ended."""
+    return _started(Program("-m", "cli.main", "demo", "--scenario", "standing", "--seconds", "3600", *more), " s  ")
+
+
+def _started(service: Program, ready: str) -> Program:
     end_s = time.monotonic() + _START_S
-    while service.process.poll() is None and not any(" s  " in line for line in service.lines):
+    while service.process.poll() is None and not any(ready in line for line in service.lines):
         if time.monotonic() > end_s:
             service.stop()
             raise SystemExit("the service did not start:\n" + "\n".join(service.lines))
@@ -132,12 +137,12 @@ def forging_on_zenoh() -> None:
     time.sleep(_SETTLED_S)
     before = _example("zenoh_subscriber", _SUBSCRIBER)
     code = before.ended()
-    service = _service("--can", "virtual:forging")
+    service = _demo("--can", "virtual:forging")
     listening = _example("zenoh_subscriber", _SUBSCRIBER)
     time.sleep(_PHASE_S)
     true_then, _ = listening.heights()
     service.stop()
-    service = _service("--can", "virtual:forging")
+    service = _demo("--can", "virtual:forging")
     time.sleep(_PHASE_S)
     for adversary in adversaries.values():
         adversary.ended()
@@ -158,14 +163,14 @@ def forging_on_can() -> None:
     before = _example("can_listener", None)
     code = before.ended()
     impostor.ended()
-    service = _service()
+    service = _demo()
     listening = _example("can_listener", None)
     time.sleep(_SETTLED_S)
     adversary = _forge("can", outsider, 2 * _PHASE_S)
     time.sleep(_PHASE_S)
     service.stop()
     time.sleep(1.0)
-    service = _service()
+    service = _demo()
     adversary.ended()
     listening.stop()
     service.stop()
@@ -206,7 +211,7 @@ class Heard:
 def floods(seconds: float) -> None:
     """Flood the service by one kind of message after the other; what a subscriber hears meanwhile, and a new one."""
     user = _ADVERSARIES["in the group"]
-    service = _service("--can", "virtual:forging")
+    service = _started(Program("-m", "lab.faults.steady_service", "3600"), READY)
     time.sleep(_SETTLED_S)
     for kinds in ((), ("puts",), ("queries",), ("connections",), ("idle",), ("half-open",)):
         with ExitStack() as ending:

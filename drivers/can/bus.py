@@ -101,8 +101,11 @@ def close_bus(bus: can.BusABC) -> None:
         # python-can would first wait until the adapter has taken everything, which a stuck one never does.
         with contextlib.suppress(OSError, termios.error):
             port.reset_output_buffer()
+        connection = getattr(port, "_socket", None)  # of socket://
         with contextlib.suppress(OSError):
             port.close()
+        if connection is not None:  # pyserial leaves one open that the other end has hung up on
+            connection.close()
     with contextlib.suppress(can.CanError, OSError):
         bus.shutdown()
 

@@ -12,6 +12,7 @@ from messages import UserError
 
 _TABLES = (Path("/proc/net/tcp"), Path("/proc/net/tcp6"))
 _ESTABLISHED, _LISTENS = "01", "0A"
+_ROOT = 0
 
 
 def check_server(connection: socket.socket) -> None:
@@ -33,7 +34,7 @@ def is_ours(port: int, other_port: int, *, or_absent: bool = False) -> bool:
     if not _TABLES[0].exists():
         return True
     users = set(_users(port, other_port))
-    return users <= {0, os.geteuid()} and (bool(users) or or_absent)
+    return users <= {_ROOT, os.geteuid()} and (bool(users) or or_absent)
 
 
 def _users(port: int, other_port: int) -> Iterator[int]:
