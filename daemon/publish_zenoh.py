@@ -15,6 +15,7 @@ control denies whatever is not allowed (`drivers.zenoh.session`).
 import contextlib
 import json
 import re
+import threading
 import time
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -94,6 +95,7 @@ class ZenohPublisher:
             }
         )
         self._settings = settings
+        self._publishing = threading.Lock()
         self._outlet = self._open(settings)
 
     @property
@@ -117,31 +119,36 @@ class ZenohPublisher:
 
         Where that fails all is as before, and raises as at the start.
         """
-        old = self._outlet
         if settings.listen == self._settings.listen:  # nobody can listen twice in one place
-            old.undo.close()
+            self._exchange(_Outlet(self.endpoint, {}, contextlib.ExitStack()))
             try:
-                self._outlet = self._open(settings)
+                self._exchange(self._open(settings))
             except UserError:
-                self._outlet = self._open(self._settings)
+                self._exchange(self._open(self._settings))
                 raise
         else:
-            self._outlet = self._open(settings)
-            old.undo.close()
+            self._exchange(self._open(settings))
         self._settings = settings
 
     def publish(self, estimate: Estimate, stamp: Stamp) -> None:
         """Send one estimate, or let Zenoh drop it; never waits for a subscriber."""
-        try:
-            self._outlet.publishers[type(estimate)].put(encode_line(TOPIC_OF[type(estimate)], estimate, stamp))
-        except zenoh.ZError:
-            self.errors += 1
-        else:
-            self.sent += 1
+        line = encode_line(TOPIC_OF[type(estimate)], estimate, stamp)
+        with self._publishing:
+            try:
+                self._outlet.publishers[type(estimate)].put(line)
+            except (zenoh.ZError, KeyError):  # KeyError: between two endpoints
+                self.errors += 1
+            else:
+                self.sent += 1
 
     def close(self) -> None:
         """Take everything back in order, then end the session."""
         self._outlet.undo.close()
+
+    def _exchange(self, new: _Outlet) -> None:
+        with self._publishing:  # Zenoh takes nothing back that is in use
+            old, self._outlet = self._outlet, new
+        old.undo.close()
 
     def _open(self, settings: ZenohSettings) -> _Outlet:
         keys = tuple(self._answers.payloads)

@@ -192,7 +192,7 @@ def _open_files() -> int:
         return soft
     try:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-    except OSError:  # a service manager may forbid it; it has set the limit itself
+    except (OSError, ValueError):  # a service manager may forbid it; it has set the limit itself
         return soft
     return wanted
 

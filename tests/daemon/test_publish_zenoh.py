@@ -309,6 +309,25 @@ def test_listening_anew_in_the_same_place_goes_on_counting_and_a_failure_changes
     assert live.sent >= 2
 
 
+def test_listening_anew_while_another_thread_publishes_disturbs_neither(live: ZenohPublisher) -> None:
+    ended = threading.Event()
+    published = itertools.count()
+
+    def publish() -> None:
+        while not ended.is_set():
+            live.publish(attitude(), stamp(seq=next(published)))
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    places = [ZenohSettings(listen=free_endpoint()) for _ in range(10)]
+    for place in places:
+        live.listen_anew(place)
+    ended.set()
+    thread.join()
+    assert live.endpoint == places[-1].listen
+    assert live.sent + live.errors == next(published)
+
+
 @pytest.fixture
 def certificates(tmp_path: Path) -> Path:
     """A folder with an authority, a service's certificate signed by it, and another authority."""
