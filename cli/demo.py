@@ -22,7 +22,9 @@ def demo(
         Path | None, typer.Option(help="Configuration file (TOML); by default the built-in settings.")
     ] = None,
     can: Annotated[str | None, typer.Option(help="CAN bus as INTERFACE:CHANNEL; by default a simulated one.")] = None,
-    zenoh: Annotated[str | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
+    zenoh: Annotated[
+        str | None, typer.Option(help="Zenoh endpoint to listen on; by default a socket that only you may enter.")
+    ] = None,
     perfect_calibration: Annotated[
         bool, typer.Option(help="Calibration without its usual errors; results say so.")
     ] = False,
@@ -40,11 +42,12 @@ def demo(
     from cli.console import check_writable, score_table, write_json
     from cli.live import LiveStatus
     from cli.wiring import build_service, open_outlets, open_recorder, stopped_by_signals, summary_tables
-    from daemon.config import Configuration, ZenohSettings, load_configuration
+    from daemon.config import Configuration, load_configuration
     from daemon.summary import Tally
     from drivers.can.settings import parse_can
     from drivers.imu.mpu6050 import Mpu6050
     from drivers.imu.settings import Mpu6050Settings
+    from drivers.zenoh.settings import ZenohSettings
     from lab.evaluation.truth_observer import TruthObserver
     from messages import Source
     from sim_rig.can.slcan_hub import open_hub

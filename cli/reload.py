@@ -13,7 +13,6 @@ from calib.files import load_calibration
 from cli.devices import camera_opener
 from cli.wiring import Outlets
 from daemon.config import Configuration, format_configuration, load_configuration
-from daemon.publish_zenoh import ZenohPublisher
 from daemon.replaceable_camera import ReplaceableCamera
 from daemon.service import Service
 from messages import Reconfigured, UnitCalibration, UserError
@@ -73,7 +72,7 @@ class Reloader:
             new = load_configuration(self._path)
             calibration = load_calibration(self._path.parent / new.calibration)
             if new.zenoh != self._configuration.zenoh:
-                self._exchange_zenoh(new)
+                self._zenoh.listen_anew(new.zenoh)
         except UserError as error:
             log.error("reload refused, nothing has changed: %s", error)
             return
@@ -90,11 +89,3 @@ class Reloader:
             if getattr(new, section) != getattr(old, section):
                 log.warning("reload: the new %s takes effect at the next start", section)
         log.warning("configuration read again from %s", self._path)
-
-    def _exchange_zenoh(self, new: Configuration) -> None:
-        publisher = ZenohPublisher(
-            new.zenoh, self._configuration.device, calibration=self._calibration, configuration=new
-        )
-        old, self._zenoh = self._zenoh, publisher
-        self._service.replace_publisher(old, publisher)
-        old.close()

@@ -94,6 +94,7 @@ def build_service(
         observers=observers,
         priorities=priorities,
         state_keeper=state_keeper,
+        zenoh_health=lambda: outlets.zenoh.health,
     )
 
 

@@ -7,6 +7,7 @@ import msgspec
 import tomli
 
 from drivers.can.settings import CanSettings
+from drivers.zenoh.settings import ZenohSettings
 from messages import UserError
 from messages.checked import checked
 from perception.ground.foothold import FootholdSettings
@@ -51,12 +52,6 @@ class CameraSettings(msgspec.Struct, frozen=True, kw_only=True):
             raise ValueError("exposure_s and gain_percent belong together: fixing one ends the automatic of both")
         if self.left is not None and self.exposure_s is not None:
             raise ValueError("exposure_s and gain_percent are a ZED's, not those of the two cameras left and right")
-
-
-class ZenohSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """Where to listen. The default is reachable from this host alone."""
-
-    listen: Annotated[str, msgspec.Meta(pattern="^[a-z]+/.+")] = "tcp/127.0.0.1:7447"
 
 
 class RealtimeSettings(msgspec.Struct, frozen=True, kw_only=True):

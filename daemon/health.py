@@ -94,6 +94,7 @@ class HealthMonitor:
             can_errors=devices.can_errors,
             can_bus=devices.can_bus,
             zenoh_errors=devices.zenoh_errors,
+            zenoh=devices.zenoh,
             load=load,
             calibration_id=self._calibration_id,
             learnt_id=self._learnt_id,

@@ -1,6 +1,6 @@
 """What an estimate meets on its way out, in the pipeline's thread: is it too old, its stamp, publishers, recorder."""
 
-from collections import Counter, OrderedDict
+from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
@@ -57,20 +57,14 @@ class Outgoing:
         self._stamper = stamper
         self._recorder = recorder
         self._observers = tuple(observers)
-        self._errors_before: Counter[str] = Counter()
         self._headers: OrderedDict[int, FrameHeader] = OrderedDict()
         self._ground_watch = GroundWatch()
         self.withdrawn = 0
         """How many valid estimates were published as late instead."""
 
-    def replace(self, old: Publisher, new: Publisher) -> None:
-        """Publish on `new` from now on; the caller closes `old`."""
-        self._errors_before[old.name] += old.errors
-        self._publishers = tuple(new if publisher is old else publisher for publisher in self._publishers)
-
     def errors(self, name: str) -> int:
         """Return what did not get away on the publishers of this name since the start."""
-        return self._errors_before[name] + sum(p.errors for p in self._publishers if p.name == name)
+        return sum(p.errors for p in self._publishers if p.name == name)
 
     def expect_ground_of(self, header: FrameHeader) -> None:
         """Keep the header of a frame until its ground estimate is sent."""

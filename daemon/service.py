@@ -39,6 +39,7 @@ from messages import (
     LoadLevel,
     ServiceError,
     Tick,
+    ZenohHealth,
 )
 
 log = logging.getLogger("gaiteyes")
@@ -82,6 +83,7 @@ class Service:
         observers: Sequence[Observer] = (),
         priorities: bool = False,
         state_keeper: StateKeeper | None = None,
+        zenoh_health: Callable[[], ZenohHealth] = ZenohHealth,
     ) -> None:
         self._pipeline = pipeline
         self._devices = devices
@@ -89,6 +91,7 @@ class Service:
         self._background = dict(background or {})
         self._recorder = recorder
         self._state_keeper = state_keeper
+        self._zenoh_health = zenoh_health
         self._inbox = Inbox()
         self._stopping = threading.Event()
         self._producers_ended = threading.Event()
@@ -115,10 +118,6 @@ class Service:
     def put(self, message: Input) -> None:
         """Hand the pipeline a decision of the daemon's own, in the order of arrival."""
         self._inbox.put(message)
-
-    def replace_publisher(self, old: Publisher, new: Publisher) -> None:
-        """Publish on `new` from now on; the caller closes `old`."""
-        self._outgoing.replace(old, new)
 
     def run(
         self, seconds: float | None = None, *, each_s: float = 0.25, status: Callable[[], None] | None = None
@@ -269,6 +268,7 @@ class Service:
             can_errors=self._outgoing.errors("can"),
             can_bus=self._devices.ankle.bus_health if self._devices.ankle is not None else CanBusHealth(),
             zenoh_errors=self._outgoing.errors("zenoh"),
+            zenoh=self._zenoh_health(),
         )
 
     def _run_pipeline(self) -> None:

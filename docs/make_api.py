@@ -16,7 +16,8 @@ PAGE = HOME / "docs" / "api.md"
 
 SECTIONS = {
     "Listen to the service": [
-        "listen", "Listener", "Received", "Refusal", "GroundReceiver", "ReceivedGround",
+        "listen", "Listener", "Credentials", "Received", "Refusal",
+        "listen_can", "CanListener", "GroundReceiver", "ReceivedGround",
     ],
     "Replay a recording": ["replay", "Pipeline", "load_calibration", "FootholdSettings"],
     "Explain what a simulation gets wrong": [
@@ -31,7 +32,7 @@ SECTIONS = {
     "Messages into the pipeline": [
         "Input", "ImuSample", "Frame", "StereoFrame", "DepthFrame", "FrameHeader", "DroppedFrame", "DropCause",
         "AnkleState", "GaitPhase", "Tick", "LoadLevel", "Load", "Reconfigured", "DeviceCounters", "CanBusHealth",
-        "CanState", "Vec3",
+        "ZenohHealth", "CanState", "Vec3",
     ],
     "Calibration": [
         "UnitCalibration", "Calibration", "DepthUnitCalibration", "StereoCalibration", "DepthCalibration", "Lens",

@@ -5,7 +5,8 @@ import argparse
 import gaiteyes
 
 arguments = argparse.ArgumentParser(description=__doc__)
-arguments.add_argument("--connect", default="tcp/127.0.0.1:7447")
+arguments.add_argument("--connect", help="tls/HOST:PORT; by default the service of this machine")
+arguments.add_argument("--authority", default="", help="with TLS: the PEM file of who signed its certificate")
 arguments.add_argument("--device", default="demo")
 arguments.add_argument("--accept-simulated", action="store_true")
 options = arguments.parse_args()
@@ -14,6 +15,7 @@ try:
         gaiteyes.GroundPlane,
         options.device,
         connect=options.connect,
+        credentials=gaiteyes.Credentials(authority=options.authority),
         accept_simulated=options.accept_simulated,
         timeout_s=0.2,
     )

@@ -26,8 +26,11 @@ if TYPE_CHECKING:
     from discrepancy.verdict import Remainder as Remainder
     from discrepancy.verdict import Signature as Signature
     from discrepancy.verdict import Verdict as Verdict
+    from drivers.can.listener import CanListener as CanListener
+    from drivers.can.listener import listen_can as listen_can
     from drivers.zenoh.listener import Listener as Listener
     from drivers.zenoh.listener import listen as listen
+    from drivers.zenoh.settings import Credentials as Credentials
     from gaiteyes.recorded import replay as replay
     from messages import AnkleState as AnkleState
     from messages import Attitude as Attitude
@@ -73,6 +76,7 @@ if TYPE_CHECKING:
     from messages import UnitCalibration as UnitCalibration
     from messages import UserError as UserError
     from messages import Vec3 as Vec3
+    from messages import ZenohHealth as ZenohHealth
     from messages.arrays import FloatArray as FloatArray
     from messages.can_receiver import GroundReceiver as GroundReceiver
     from messages.can_receiver import ReceivedGround as ReceivedGround
@@ -99,8 +103,11 @@ _HOMES = {
     "headline": "discrepancy.report.wording",
     "quantity_text": "discrepancy.report.wording",
     "write_report": "discrepancy.report.output",
+    "CanListener": "drivers.can.listener",
+    "listen_can": "drivers.can.listener",
     "Listener": "drivers.zenoh.listener",
     "listen": "drivers.zenoh.listener",
+    "Credentials": "drivers.zenoh.settings",
     "Received": "messages.json_receiver",
     "GroundReceiver": "messages.can_receiver",
     "ReceivedGround": "messages.can_receiver",
@@ -153,6 +160,7 @@ _HOMES = {
     "UnitCalibration": "messages",
     "UserError": "messages",
     "Vec3": "messages",
+    "ZenohHealth": "messages",
 }
 """Where each name is defined."""
 

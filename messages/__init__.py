@@ -53,6 +53,7 @@ from messages.inputs import (
     StereoFrame,
     Tick,
     Vec3,
+    ZenohHealth,
 )
 from messages.learnt import BiasAtTemperature, DepthScale, Learnt
 from messages.refusal import Refusal
@@ -113,6 +114,7 @@ __all__ = [
     "UnitCalibration",
     "UserError",
     "Vec3",
+    "ZenohHealth",
     "capture_ns",
     "matrix3",
     "reduced_lens",

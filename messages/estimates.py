@@ -7,7 +7,7 @@ import enum
 import msgspec
 
 from messages.arrays import FloatArray
-from messages.inputs import CanBusHealth, DropCause, Load, Vec3
+from messages.inputs import CanBusHealth, DropCause, Load, Vec3, ZenohHealth
 
 Quaternion = tuple[float, float, float, float]
 Covariance3 = tuple[float, float, float, float, float, float]
@@ -231,6 +231,7 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     load: Load
     calibration_id: str
     learnt_id: str
+    zenoh: ZenohHealth = ZenohHealth()
 
 
 Estimate = Attitude | GroundPlane | Motion | Health

@@ -162,6 +162,19 @@ class CanBusHealth(msgspec.Struct, frozen=True, kw_only=True):
     ankle_refused: int = 0
 
 
+class ZenohHealth(msgspec.Struct, frozen=True, kw_only=True):
+    """What the service sees of those who connect to it on Zenoh since the start.
+
+    `insecure` warns that anything may pose as the service where it listens. `malformed` are queries with parameters or
+    a payload, where none belong; `refused` those beyond what is answered in a second. What others publish never comes
+    in (access control), and Zenoh does not tell how much that was.
+    """
+
+    insecure: bool = False
+    malformed: int = 0
+    refused: int = 0
+
+
 class DeviceCounters(msgspec.Struct, frozen=True, kw_only=True):
     """Counters of everything outside the pipeline since the start, told once a second."""
 
@@ -177,6 +190,7 @@ class DeviceCounters(msgspec.Struct, frozen=True, kw_only=True):
     can_errors: int = 0
     can_bus: CanBusHealth = CanBusHealth()
     zenoh_errors: int = 0
+    zenoh: ZenohHealth = ZenohHealth()
 
 
 LastingInput = LoadLevel | Reconfigured

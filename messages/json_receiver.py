@@ -58,14 +58,24 @@ class JsonReceiver(Generic[E]):
     A counter that went back, or another boot id, is a new run of the service. It is taken once nothing has passed for
     NEW_SEQUENCE_SILENCE_S and NEW_SEQUENCE_PERIODS, so that two publishers on one key never alternate.
 
-    `boot_id` is that of this machine; times are CLOCK_MONOTONIC, ns.
+    `boot_id` is that of this machine; `same_machine` says that no other can be at the other end: another boot id is
+    then refused at once. Times are CLOCK_MONOTONIC, ns.
     """
 
-    def __init__(self, kind: type[E], device: str, *, boot_id: str, accept_simulated: bool = False) -> None:
+    def __init__(
+        self,
+        kind: type[E],
+        device: str,
+        *,
+        boot_id: str,
+        accept_simulated: bool = False,
+        same_machine: bool = False,
+    ) -> None:
         self._kind: type[E] = kind
         self._topic = TOPIC_OF[kind]
         self._device = device
         self._boot_id = boot_id
+        self._same_machine = same_machine
         self._accepted = set(Source) if accept_simulated else {Source.LIVE}
         self._silence_ns = round(1e9 * max(NEW_SEQUENCE_SILENCE_S, NEW_SEQUENCE_PERIODS / self._topic.rate_hz))
         self._last: Stamp | None = None
@@ -89,6 +99,8 @@ class JsonReceiver(Generic[E]):
         if stamp.source not in self._accepted:
             return Refusal.NOT_LIVE
         same_clock = stamp.boot_id == self._boot_id
+        if self._same_machine and not same_clock:
+            return Refusal.OTHER_BOOT
         waited_ns = t_ns - (stamp.t_publish_ns if same_clock else t_arrival_ns)
         if waited_ns < 0:
             return Refusal.WRONG_CLOCK

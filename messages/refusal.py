@@ -27,4 +27,4 @@ class Refusal(str, enum.Enum):
     MALFORMED = "malformed"  # no JSON, too long, a field is missing, of a wrong type or out of range
     OTHER_TOPIC = "other_topic"  # another topic's or another device's message under this key
     WRONG_CLOCK = "wrong_clock"  # published, by the clock that both share, later than it arrived
-    OTHER_BOOT = "other_boot"  # another boot of the device, while the one listened to still publishes
+    OTHER_BOOT = "other_boot"  # another boot while the one listened to still publishes, or another on this machine

@@ -6,6 +6,7 @@ Backends: `virtual` (inside one process), `socketcan`, `slcan` (a serial adapter
 
 import contextlib
 import os
+import socket
 import termios
 from collections.abc import Callable
 from pathlib import Path
@@ -13,8 +14,10 @@ from pathlib import Path
 import can
 from can.interfaces.slcan import slcanBus
 
+from drivers.can.owner import check_server
 from drivers.can.settings import CanInterface, CanSettings
 from drivers.protocols import DeviceError
+from messages import UserError
 from messages.can_frames import CanFrame, CanMessage, can_id
 
 RECEIVE_QUEUE_FRAMES = 64
@@ -55,6 +58,7 @@ def open_bus(settings: CanSettings) -> tuple[can.BusABC, Send]:
         )
     except (can.CanError, OSError, ValueError) as error:
         raise DeviceError(f"CAN {settings.name}: {innermost(error)}") from error
+    check_owner(bus, settings)
     if settings.interface is CanInterface.SLCAN:
         return bus, _SerialSender(bus.fileno()).send
     return bus, _BusSender(bus).send
@@ -68,6 +72,18 @@ def _check_link_is_up(settings: CanSettings) -> None:
         raise DeviceError(f"CAN {settings.name}: no such network link") from error
     if not flags & _IFF_UP:
         raise DeviceError(f"CAN {settings.name}: the link is down; `ip link set {settings.channel} up` starts it")
+
+
+def check_owner(bus: can.BusABC, settings: CanSettings) -> None:
+    """Raise DeviceError, in one line, and close `bus` if it is one on loopback that another user serves."""
+    if settings.interface is not CanInterface.SLCAN or not settings.channel.startswith("socket://"):
+        return
+    try:
+        with socket.socket(fileno=os.dup(bus.fileno())) as connection:
+            check_server(connection)
+    except (OSError, UserError) as error:  # OSError: hung up on already
+        close_bus(bus)
+        raise DeviceError(f"CAN {settings.name}: {innermost(error)}") from error
 
 
 def discard_input(bus: can.BusABC) -> None:
@@ -85,8 +101,11 @@ def close_bus(bus: can.BusABC) -> None:
         # python-can would first wait until the adapter has taken everything, which a stuck one never does.
         with contextlib.suppress(OSError, termios.error):
             port.reset_output_buffer()
+        connection = getattr(port, "_socket", None)  # of socket://
         with contextlib.suppress(OSError):
             port.close()
+        if connection is not None:  # pyserial leaves one open that the other end has hung up on
+            connection.close()
     with contextlib.suppress(can.CanError, OSError):
         bus.shutdown()
 

@@ -15,17 +15,18 @@ import msgspec
 import zenoh
 
 from drivers.boot_id import read_boot_id
+from drivers.zenoh.local_socket import subscriber_endpoint
 from drivers.zenoh.session import open_client
+from drivers.zenoh.settings import SOCKET, Credentials
 from messages import TOPIC_OF, Estimate, Refusal, UserError
 from messages.json_receiver import LONGEST_PAYLOAD_BYTES, JsonReceiver, Received
-
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-"""Where a service listens that was not told otherwise."""
 
 WAITING_PAYLOADS = 16
 """How many payloads wait for the consumer; of more, the oldest leaves."""
 
 _KEY = re.compile(r"gaiteyes/(?P<device>[A-Za-z0-9][A-Za-z0-9_.-]{0,63})/(?:replay/)?(?P<topic>[a-z]+)/v1")
+
+_NO_CREDENTIALS = Credentials()
 
 E = TypeVar("E", bound=Estimate)
 
@@ -142,7 +143,9 @@ def listen(
     topic: type[E],
     device: str,
     *,
-    connect: str = DEFAULT_ENDPOINT,
+    connect: str | None = None,
+    credentials: Credentials = _NO_CREDENTIALS,
+    insecure: bool = False,
     accept_simulated: bool = False,
     timeout_s: float | None = None,
 ) -> Listener[E]: ...
@@ -153,7 +156,9 @@ def listen(
     topic: str,
     device: str | None = None,
     *,
-    connect: str = DEFAULT_ENDPOINT,
+    connect: str | None = None,
+    credentials: Credentials = _NO_CREDENTIALS,
+    insecure: bool = False,
     accept_simulated: bool = False,
     timeout_s: float | None = None,
 ) -> Listener[Estimate]: ...
@@ -163,17 +168,23 @@ def listen(
     topic: type[E] | str,
     device: str | None = None,
     *,
-    connect: str = DEFAULT_ENDPOINT,
+    connect: str | None = None,
+    credentials: Credentials = _NO_CREDENTIALS,
+    insecure: bool = False,
     accept_simulated: bool = False,
     timeout_s: float | None = None,
 ) -> Listener[Any]:
     """Listen to one topic of one device: what comes are typed messages that passed every check.
 
     `topic` is the message's type (`GroundPlane`) or the topic's name ("ground") beside `device`, or the whole key
-    alone ("gaiteyes/DEVICE/ground/v1"; a replay's is "gaiteyes/DEVICE/replay/ground/v1"). `connect` is the endpoint
-    on which the service listens: tcp/127.0.0.1:7447, unless it was told otherwise. Each item is a `Received`:
+    alone ("gaiteyes/DEVICE/ground/v1"; a replay's is "gaiteyes/DEVICE/replay/ground/v1"). Each item is a `Received`:
     message, stamp, age. `accept_simulated` takes simulated and replayed data too. After `timeout_s` without an
     estimate that passes, the iteration ends; without a `timeout_s` it waits.
+
+    A service on this machine is found by its device's name: its socket lies where only the service may write, so
+    nothing can pose as it. One on another machine is reached with `connect`, "tls/HOST:PORT", and `credentials` that
+    say whose certificate to believe. Any other endpoint, plain TCP for instance, needs `insecure`: whatever answers
+    there is believed.
 
         with gaiteyes.listen(gaiteyes.GroundPlane, "unit-1", timeout_s=0.2) as listener:
             for received in listener:
@@ -181,12 +192,19 @@ def listen(
                     act_on(received.message)
         stop_acting()
 
-    Raises UserError, in one line, for a topic that is not published, a key that is none, or where nobody listens on
-    `connect`.
+    Raises UserError, in one line, for a topic that is not published, a key that is none, where nobody listens, or where
+    others may write the directory of the socket.
     """
     key, kind, name = _resolved(topic, device)
-    receiver = JsonReceiver(kind, name, boot_id=read_boot_id(), accept_simulated=accept_simulated)
-    return Listener(key, receiver, open_client(connect), timeout_s)
+    endpoint = subscriber_endpoint(name) if connect is None else connect
+    receiver = JsonReceiver(
+        kind,
+        name,
+        boot_id=read_boot_id(),
+        accept_simulated=accept_simulated,
+        same_machine=endpoint.startswith(SOCKET),
+    )
+    return Listener(key, receiver, open_client(endpoint, credentials, insecure=insecure), timeout_s)
 
 
 def _resolved(topic: type[msgspec.Struct] | str, device: str | None) -> tuple[str, type[Estimate], str]:

@@ -17,7 +17,7 @@ from pathlib import Path
 import msgspec
 
 from calib.files import format_calibration
-from daemon.config import Configuration, ZenohSettings, format_configuration
+from daemon.config import Configuration, format_configuration
 from daemon.pipeline import Pipeline
 from daemon.publish_can import CanPublisher
 from daemon.publish_zenoh import ZenohPublisher
@@ -30,6 +30,7 @@ from drivers.can.link import CanLink
 from drivers.can.settings import CanSettings
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
+from drivers.zenoh.settings import ZenohSettings
 from lab.faults.hardware import FaultyHardware
 from messages import Calibration, Source, UserError
 from sim_rig.walk.scenario import scenario

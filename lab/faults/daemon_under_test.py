@@ -6,7 +6,6 @@ campaign ── orders ──► daemon's process: simulated hardware (chip, cam
   └────── CAN, slcan over a pseudo-terminal ─────────────────────────────────────────────────┘
 """
 
-import socket
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drivers.zenoh.settings import SOCKET
 from lab.faults.can_adapter import SimulatedCanAdapter
 from lab.faults.catalogue import carry_out
 from lab.faults.daemon_process import DEVICE, DaemonPlan, DaemonProcess, Order, open_files, resident_mb, threads
@@ -47,7 +47,7 @@ class DaemonUnderTest:
             seed=seed,
             scenario=SCENARIO,
             start_ns=time.monotonic_ns() + round(_LEAD_S * 1e9),
-            zenoh=f"tcp/127.0.0.1:{_free_port()}",
+            zenoh=f"{SOCKET}{folder / 'zenoh.sock'}",
             can=self.adapter.settings,
             log=folder / "daemon.log",
         )
@@ -198,9 +198,3 @@ class DaemonUnderTest:
         if self.longest is None or lived.seconds >= self.longest.seconds:
             self.longest = lived
         return lived
-
-
-def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port: int = server.getsockname()[1]
-    return port

@@ -11,6 +11,7 @@ from calib.files import format_calibration
 from daemon.config import Configuration, format_configuration
 from daemon.recorder import Recorder, RecordingInfo
 from drivers.can.settings import CanSettings
+from drivers.zenoh.settings import SOCKET
 from lab.faults.daemon_process import DaemonPlan
 from lab.faults.fault import USB_RECOVERY_S, Command, Expect, Fault, Layer, Restart
 from messages import Calibration, Source, matrix3, vec3
@@ -100,9 +101,9 @@ def _remove_folder(folder: Path) -> None:
     shutil.rmtree(folder / "removed")
 
 
-def _no_space(plan: DaemonPlan, _folder: Path) -> DaemonPlan:
+def _no_space(plan: DaemonPlan, folder: Path) -> DaemonPlan:
     """Return a plan that disturbs the daemon that runs in nothing."""
-    return replace(plan, record=Path("/dev/full"), zenoh="tcp/127.0.0.1:0", can=CanSettings())
+    return replace(plan, record=Path("/dev/full"), zenoh=f"{SOCKET}{folder / 'other.sock'}", can=CanSettings())
 
 
 def _command(name: str, how: str, act: Command) -> Fault:
@@ -138,7 +139,7 @@ FILE_FAULTS = (
     Fault(
         name="zenoh-port-taken",
         layer=Layer.ZENOH,
-        how="a second daemon is started on the port of the one that runs",
+        how="a second daemon is started on the socket of the one that runs",
         act=Restart(lambda plan, _folder: plan),
         expect=Expect.REFUSED,
     ),

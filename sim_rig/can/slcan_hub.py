@@ -6,6 +6,7 @@ It stands in for a serial adapter where a bus has to reach another process witho
 import selectors
 import socket
 
+from drivers.can.owner import is_ours
 from drivers.can.settings import CanInterface, CanSettings
 from messages import UserError
 
@@ -16,7 +17,7 @@ FRAME_KINDS = b"tTrR"
 
 class SlcanHub:
     """Relays whole slcan frame lines; other commands are taken and not answered. A client that does not read is hung
-    up on. Raises OSError if the port is taken.
+    up on, and so is one of another user: it could pose as the service. Raises OSError if the port is taken.
     """
 
     def __init__(self, port: int = 0) -> None:
@@ -57,7 +58,10 @@ class SlcanHub:
         self._listener.close()
 
     def _accept(self) -> None:
-        client, _ = self._listener.accept()
+        client, (_, port) = self._listener.accept()
+        if not is_ours(port, self._listener.getsockname()[1]):
+            client.close()
+            return
         client.setblocking(False)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._selector.register(client, selectors.EVENT_READ, client)

@@ -1,19 +1,34 @@
-"""A Zenoh client on loopback for the tests, and a port nobody listens on."""
+"""A Zenoh client of this machine for the tests, and sockets nobody listens on."""
 
+import fcntl
+import itertools
 import json
-import socket
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import zenoh
+
+from drivers.zenoh.settings import SOCKET
 
 PATIENCE_POLLS = 1000
 POLL_S = 0.01
 
+_FOLDER = tempfile.TemporaryDirectory(prefix="gaiteyes-")  # pytest's own paths are too long for sockets
+_NUMBERS = itertools.count()
+
 
 def free_endpoint() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return f"{SOCKET}{_FOLDER.name}/{next(_NUMBERS)}.sock"
+
+
+@contextmanager
+def taken(endpoint: str) -> Iterator[None]:
+    """Hold the socket's place as another service would, while the context lasts."""
+    with open(f"{endpoint.removeprefix(SOCKET)}.lock", "wb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
 
 
 def client(endpoint: str) -> zenoh.Session:

@@ -32,6 +32,7 @@ from messages import (
     Stamp,
     Status,
     StereoFrame,
+    ZenohHealth,
 )
 from perception.ground.foothold import FootholdSettings
 from sim_rig.unit import draw_unit
@@ -75,6 +76,7 @@ class Rig:
             Devices(imu=self.imu, camera=self.camera),
             [self.listener],
             Stamper("test", "boot", Source.LIVE),
+            zenoh_health=lambda: ZenohHealth(insecure=True, malformed=1, refused=2),
         )
 
     def until(self, happened: str, condition: object) -> None:
@@ -196,6 +198,7 @@ def test_health_tells_the_devices_counters(rig: Rig) -> None:
     rig.until("health told", told)
     health = [e for e, _ in rig.listener.heard if isinstance(e, Health)][-1]
     assert health.frames_dropped[DropCause.CAMERA_GAP] == 3
+    assert health.zenoh == ZenohHealth(insecure=True, malformed=1, refused=2)
 
 
 def test_background_work_runs_until_the_end(calibration: Calibration) -> None:

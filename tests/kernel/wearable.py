@@ -9,13 +9,14 @@ import msgspec
 import numpy as np
 
 from calib.files import save_calibration
-from daemon.config import CameraSettings, Configuration, ImuSettings, ZenohSettings, format_configuration
+from daemon.config import CameraSettings, Configuration, ImuSettings, format_configuration
 from drivers.can.settings import CanInterface, CanSettings
+from drivers.zenoh.local_socket import SERVICE_DIRECTORY
+from drivers.zenoh.settings import SOCKET
 from messages import reduced_stereo
 from messages.arrays import FloatArray, GreyImage, IntArray
 from sim_rig.kernel.chip_server import INTERRUPT_LINE, gpio_chip_path
 from sim_rig.unit import draw_unit
-from tests.bench.zenoh_peer import free_endpoint
 from tests.kernel import can_links, loopback
 from tests.kernel.imu_bench import KernelChip
 from tests.kernel.shrunk import SEED, SHRINK
@@ -48,7 +49,7 @@ class Wearable:
         pictures = [(_noisy(left, take), _noisy(right, TAKES + take)) for take in range(TAKES)]
         self.camera = loopback.FedLoopback((left.shape[1], left.shape[0]), lambda frame: pictures[frame % TAKES])
         can_links.make_vcan(CAN_NAME)
-        self.zenoh_endpoint = free_endpoint()
+        self.zenoh_endpoint = f"{SOCKET}{SERVICE_DIRECTORY}/{DEVICE}.sock"
 
     def write_files(self, folder: Path) -> None:
         """Write gaiteyes.toml and calibration.yaml."""
@@ -56,7 +57,6 @@ class Wearable:
             device=DEVICE,
             imu=ImuSettings(bus=self.chip.bus_number, data_ready=f"{gpio_chip_path()}:{INTERRUPT_LINE}"),
             camera=CameraSettings(device=loopback.NODE),
-            zenoh=ZenohSettings(listen=self.zenoh_endpoint),
             can=CanSettings(interface=CanInterface.SOCKETCAN, channel=CAN_NAME),
         )
         folder.mkdir(parents=True, exist_ok=True)

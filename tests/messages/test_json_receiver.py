@@ -53,6 +53,13 @@ def test_what_passes_comes_typed_with_its_stamp_and_its_age_now() -> None:
     assert (found.lost_before, found.begins_sequence) == (0, True)
 
 
+def test_on_the_same_machine_another_boot_is_refused_from_the_first_message_on() -> None:
+    listening = JsonReceiver(GroundPlane, "unit-1", boot_id=HERE, same_machine=True)
+    assert fed(listening, 0, payload(0, boot_id=ELSEWHERE)) is Refusal.OTHER_BOOT
+    passed(fed(listening, 1))
+    passed(fed(receiver(), 0, payload(0, boot_id=ELSEWHERE)))
+
+
 def test_missing_numbers_are_counted() -> None:
     listening = receiver()
     assert [passed(fed(listening, number)).lost_before for number in (3, 4, 7)] == [0, 0, 2]

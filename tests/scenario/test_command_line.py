@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -13,7 +12,7 @@ import pytest
 
 from drivers.recording.recording import McapRecording
 from messages import StereoFrame
-from tests.bench.zenoh_peer import free_endpoint
+from tests.bench.zenoh_peer import free_endpoint, taken
 
 GAITEYES = [sys.executable, "-m", "cli.main"]
 
@@ -135,10 +134,9 @@ def test_a_mistake_is_one_clear_line(arguments: list[str], line: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.realtime
-def test_a_taken_port_is_told_and_leaves_no_recording_behind(tmp_path: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-        path = tmp_path / "walk.mcap"
+def test_a_taken_socket_is_told_and_leaves_no_recording_behind(tmp_path: Path) -> None:
+    endpoint, path = free_endpoint(), tmp_path / "walk.mcap"
+    with taken(endpoint):
         done = gaiteyes("demo", "--seconds", 5, "--zenoh", endpoint, "--can", "virtual:test", "--record", path)
     assert done.returncode == 2
     assert endpoint in done.stderr

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 import msgspec
 import pytest
 
-from daemon.config import ZenohSettings
 from daemon.publish_can import CanPublisher
 from daemon.publish_zenoh import ZenohPublisher
 from daemon.stamping import Stamper
@@ -19,6 +18,7 @@ from drivers.boot_id import read_boot_id
 from drivers.can.link import CanLink
 from drivers.can.settings import CanInterface, CanSettings
 from drivers.protocols import DeviceError
+from drivers.zenoh.settings import ZenohSettings
 from messages import GroundPlane, Source
 from tests.bench.can_samples import calibration, ground, invalid_ground
 from tests.bench.heard_example import EXAMPLES, heard
@@ -136,7 +136,9 @@ def test_an_example_is_short_enough_to_be_read(example: str) -> None:
 @pytest.mark.parametrize(
     ("example", "arguments", "told"),
     [
-        ("zenoh_subscriber.py", ("--connect", "tcp/127.0.0.1:1"), "Zenoh: cannot connect to tcp/127.0.0.1:1: nobody"),
+        ("zenoh_subscriber.py", ("--device", "nobody"), "Zenoh: nobody publishes as 'nobody' on this machine; "),
+        ("zenoh_subscriber.py", ("--connect", "tcp/127.0.0.1:1"), "Zenoh: on tcp/127.0.0.1:1 anything could pose as "),
+        ("can_listener.py", ("--interface", "carrier"), "CAN 'carrier:socket://127.0.0.1:29536': expected INTERFACE:"),
         ("can_listener.py", ("--channel", "socket://127.0.0.1:1"), "CAN slcan:socket://127.0.0.1:1: "),
         ("can_listener.py", ("--interface", "socketcan", "--channel", "nocan"), "CAN socketcan:nocan: "),
         ("treadmill.py", ("absent.txt.gz",), "absent.txt.gz: "),

@@ -14,7 +14,7 @@ import pytest
 
 from calib.files import save_calibration
 from sim_rig.unit import draw_unit
-from tests.bench.zenoh_peer import free_endpoint
+from tests.bench.zenoh_peer import free_endpoint, taken
 
 pytestmark = [pytest.mark.realtime, pytest.mark.long]
 
@@ -150,8 +150,7 @@ def test_a_hanging_camera_starves_the_watchdog_and_does_not_keep_the_process(man
 
 @pytest.mark.parametrize("managed", ["abstract"], indirect=True)
 def test_what_a_person_must_mend_ends_with_2_and_what_may_pass_with_1(managed: Managed) -> None:
-    host, _, port = managed.endpoint.removeprefix("tcp/").partition(":")
-    with socket.create_server((host, int(port))):
+    with taken(managed.endpoint):
         assert managed.run().wait(PATIENCE_S) == 1
     assert managed.endpoint in managed.log[-1]
     managed.configure("[nonsense]\n")

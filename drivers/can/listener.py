@@ -1,0 +1,124 @@
+"""Receives the ground on CAN, on a computer that has python-can: `listen_can`.
+
+An ankle's microcontroller does the same with `messages.can_receiver` as its reference.
+"""
+
+import contextlib
+import math
+import time
+from collections import Counter
+from collections.abc import Iterator
+from types import TracebackType
+
+import can
+
+from drivers.can.bus import check_owner, close_bus, discard_input, innermost
+from drivers.can.settings import CanSettings, parse_can
+from messages import Refusal, UserError
+from messages.can_frames import CanMessage, can_id
+from messages.can_receiver import GroundReceiver, ReceivedGround
+
+OLD_INPUT_S = 0.5
+"""What came in while the bus was being opened is old, and its age is not told: it is not listened to for so long."""
+REOPEN_PAUSE_S = 0.5
+_WAIT_S = 0.1
+
+
+class CanListener:
+    """The ground on one bus, to iterate over, each estimate checked as `messages.can_receiver.GroundReceiver` says.
+
+    Nothing that arrives raises: `refused` counts what was refused, by reason; input that is no frame is MALFORMED. A
+    bus that is lost is opened again. `reason` is the service's word for why the last ground was not valid. An iteration
+    ends when nothing has passed for `timeout_s`; the next one goes on listening, until `close`.
+    """
+
+    def __init__(self, settings: CanSettings, receiver: GroundReceiver, timeout_s: float | None = None) -> None:
+        self.refused: Counter[Refusal] = Counter()
+        self._settings = settings
+        self._receiver = receiver
+        self._timeout_s = math.inf if timeout_s is None else timeout_s
+        self._bus: can.BusABC | None = self._open()
+
+    @property
+    def reason(self) -> str:
+        """Return the word that the last pair of frames carried."""
+        return self._receiver.reason
+
+    def close(self) -> None:
+        """Release the bus."""
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            close_bus(bus)
+
+    def __enter__(self) -> "CanListener":
+        return self
+
+    def __exit__(
+        self, _type: type[BaseException] | None, _error: BaseException | None, _traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __iter__(self) -> Iterator[ReceivedGround]:
+        end_s = time.monotonic() + self._timeout_s
+        while time.monotonic() < end_s:
+            frame = self._next()
+            if frame is None or frame.is_error_frame:
+                continue
+            found = self._receiver.feed(frame.arbitration_id, bytes(frame.data), time.monotonic_ns())
+            if isinstance(found, ReceivedGround):
+                yield found
+                end_s = time.monotonic() + self._timeout_s
+            elif found not in (Refusal.FIRST_HALF, Refusal.OTHER_MESSAGE):
+                self.refused[found] += 1
+
+    def _next(self) -> can.Message | None:
+        if self._bus is None:
+            time.sleep(REOPEN_PAUSE_S)
+            with contextlib.suppress(UserError):
+                self._bus = self._open()
+            return None
+        try:
+            return self._received(self._bus)
+        except (can.CanError, OSError):
+            self.close()
+            return None
+
+    def _received(self, bus: can.BusABC) -> can.Message | None:
+        try:
+            return bus.recv(_WAIT_S)
+        except ValueError:  # an slcan line that is no frame
+            self.refused[Refusal.MALFORMED] += 1
+            discard_input(bus)
+            return None
+
+    def _open(self) -> can.BusABC:
+        interface, channel = self._settings.interface.value, self._settings.channel
+        filters: list[can.typechecking.CanFilter] = [
+            {"can_id": can_id(message), "can_mask": 0x7FF, "extended": False}
+            for message in (CanMessage.GROUND, CanMessage.GROUND_QUALITY)
+        ]
+        try:
+            bus = can.Bus(channel, interface, ignore_config=True, can_filters=filters)
+        except (can.CanError, OSError, ValueError) as error:
+            raise UserError(f"CAN {self._settings.name}: {innermost(error)}") from error
+        check_owner(bus, self._settings)
+        end_s = time.monotonic() + OLD_INPUT_S
+        try:
+            while time.monotonic() < end_s:
+                self._received(bus)
+        except (can.CanError, OSError) as error:
+            close_bus(bus)
+            raise UserError(f"CAN {self._settings.name}: {innermost(error)}") from error
+        return bus
+
+
+def listen_can(bus: str, *, accept_simulated: bool = False, timeout_s: float | None = None) -> CanListener:
+    """Listen to the ground on the CAN bus `bus`, as in "socketcan:can0": what comes passed every check.
+
+    `accept_simulated` takes simulated and replayed data too. After `timeout_s` without a ground that passes, the
+    iteration ends; without a `timeout_s` it waits. Counter and checksum (AUTOSAR end-to-end profile 2) reveal errors;
+    whoever may send on the bus can still pose as the service.
+
+    Raises UserError, in one line, if the bus cannot be opened, or is one on loopback that another user serves.
+    """
+    return CanListener(parse_can(bus), GroundReceiver(accept_simulated=accept_simulated), timeout_s)
