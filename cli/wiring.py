@@ -8,6 +8,7 @@ from types import FrameType
 from typing import NamedTuple
 
 from calib.files import format_calibration
+from calib.seal import sealed
 from cli.console import table
 from daemon.config import Configuration, format_configuration
 from daemon.outgoing import Observer
@@ -37,7 +38,7 @@ def open_recorder(
     info = RecordingInfo(
         device=configuration.device,
         source=source,
-        calibration_text=format_calibration(calibration),
+        calibration_text=sealed(format_calibration(calibration)),
         configuration_text=format_configuration(configuration),
         learnt=learnt,
     )
