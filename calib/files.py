@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from calib.seal import check_seal, sealed
-from calib.strict_yaml import CalibrationError, format_yaml, parse_yaml, read_text
+from calib.strict_yaml import CalibrationError, format_yaml, parse_yaml
 from messages import (
     Calibration,
     DepthUnitCalibration,
@@ -27,6 +27,7 @@ from messages import (
     UnitCalibration,
 )
 from messages.checked import checked
+from messages.text_files import read_text
 
 __all__ = [
     "CalibrationError",

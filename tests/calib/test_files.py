@@ -248,7 +248,10 @@ def test_an_impossible_calibration_is_not_written(tmp_path: Path) -> None:
         ({"X_BL__p_m__2": 60.0}, "X_BL.p_m[2] is 60, allowed -0.5 to 0.5"),
         ({"unit": ""}, "unit is '', allowed 1 to 64 printable characters"),
         ({"stereo__left__cx_px": True}, "stereo.left.cx_px is True, allowed a number"),
-        ({"stereo__left__cx_px": 10**400}, "stereo.left.cx_px is 1000000"),
+        (
+            {"stereo__left__cx_px": 10**400},
+            "stereo.left.cx_px is a whole number of 1329 bits, allowed 64",
+        ),
     ],
 )
 def test_what_is_wrong_is_named_with_its_place_and_range(changes: dict[str, object], line: str) -> None:
@@ -268,7 +271,14 @@ def test_a_missing_field_is_named() -> None:
         ("unit: a\nunit: b\n", "line 2: key 'unit' stands twice"),
         ("unit: &a x\nimu: *a\n", "line 2: aliases are not allowed"),
         ("unit: [1, 2\n", "line 2: "),
-        ("unit: 2020-99-99\n", "month must be in"),
+        ("unit: 2020-99-99\n", "imu is missing"),
+        ("unit: !!timestamp x\n", "line 1: tags are not allowed"),
+        ("unit: !!bool x\n", "line 1: tags are not allowed"),
+        ("[a]: 1\n", "line 1: a key must be text"),
+        ("unit: " + "[" * 500, "line 1: nested deeper than 32 levels"),
+        ("unit: " + "9" * 5000 + "\n", "Exceeds the limit"),
+        ("a" * 5000 + ": 1\n", "line 1: "),
+        ('"a\\nb": 1\n', r"a\nb is not a known field"),
     ],
 )
 def test_text_that_is_no_calibration_gets_one_line(text: str, line: str) -> None:
