@@ -72,22 +72,23 @@ def demo(
         imu.open()
         outlets = open_outlets(configuration, wearer.calibration)
         recorder = None
-        if record is not None:
-            recorder = open_recorder(record, configuration, wearer.calibration, Source.SIMULATED, last)
         tally = Tally()
-        observer = TruthObserver(wearer, configuration.foothold, recorder)
-        service = build_service(
-            configuration,
-            wearer.calibration,
-            Source.SIMULATED,
-            imu,
-            camera,
-            outlets,
-            recorder,
-            [tally, observer],
-            background={} if hub is None else {"can-hub": hub.serve},
-            priorities=config is not None and configuration.realtime.priorities,
-        )
+        with outlets.closed_on_failure():
+            if record is not None:
+                recorder = open_recorder(record, configuration, wearer.calibration, Source.SIMULATED, last)
+            observer = TruthObserver(wearer, configuration.foothold, recorder)
+            service = build_service(
+                configuration,
+                wearer.calibration,
+                Source.SIMULATED,
+                imu,
+                camera,
+                outlets,
+                recorder,
+                [tally, observer],
+                background={} if hub is None else {"can-hub": hub.serve},
+                priorities=config is not None and configuration.realtime.priorities,
+            )
         with stopped_by_signals(service), LiveStatus(tally, observer) as live:
             service.run(seconds, status=live.refresh)
     finally:

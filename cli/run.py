@@ -53,22 +53,23 @@ def run(
     keeper = StateKeeper(state_path(config, configuration), calibration)
     learnt = keeper.load()
     recorder = None
-    if record is not None:
-        recorder = open_recorder(record, configuration, calibration, Source.LIVE, last, learnt)
     tally = Tally()
-    service = build_service(
-        configuration,
-        calibration,
-        Source.LIVE,
-        imu,
-        camera,
-        outlets,
-        recorder,
-        [tally],
-        priorities=configuration.realtime.priorities,
-        learnt=learnt,
-        state_keeper=keeper,
-    )
+    with outlets.closed_on_failure():
+        if record is not None:
+            recorder = open_recorder(record, configuration, calibration, Source.LIVE, last, learnt)
+        service = build_service(
+            configuration,
+            calibration,
+            Source.LIVE,
+            imu,
+            camera,
+            outlets,
+            recorder,
+            [tally],
+            priorities=configuration.realtime.priorities,
+            learnt=learnt,
+            state_keeper=keeper,
+        )
     if configuration.realtime.lock_memory:
         lock_memory()
     reloader = Reloader(config, configuration, calibration, service, camera, outlets)

@@ -52,6 +52,20 @@ class Outlets(NamedTuple):
     can: CanPublisher
     link: CanLink
 
+    def close(self) -> None:
+        """Close both; for outlets that no service has taken over."""
+        self.zenoh.close()
+        self.can.close()
+
+    @contextmanager
+    def closed_on_failure(self) -> Iterator[None]:
+        """Close both if an error comes before a service, which closes them itself, runs."""
+        try:
+            yield
+        except BaseException:
+            self.close()
+            raise
+
 
 def open_outlets(configuration: Configuration, calibration: UnitCalibration, *, retry_opening: bool = False) -> Outlets:
     """Open Zenoh and CAN as configured; raises UserError, and leaves nothing open, if either cannot be.

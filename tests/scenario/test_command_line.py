@@ -134,6 +134,13 @@ def test_a_mistake_is_one_clear_line(arguments: list[str], line: str) -> None:
 
 
 @pytest.mark.long
+def test_a_mistyped_recording_is_one_clear_line_and_closes_what_was_open(tmp_path: Path) -> None:
+    done = gaiteyes("demo", "--zenoh", free_endpoint(), "--record", tmp_path / "nowhere" / "walk.mcap")
+    assert done.returncode == 2
+    assert done.stderr == f"gaiteyes: {tmp_path}/nowhere/walk.mcap: cannot record here: No such file or directory\n"
+
+
+@pytest.mark.long
 @pytest.mark.realtime
 def test_a_taken_port_is_told_and_leaves_no_recording_behind(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
