@@ -18,6 +18,9 @@ def demo(
         Path | None, typer.Option(help="Record all inputs, outputs and the truth to this MCAP file.")
     ] = None,
     last: Annotated[float | None, typer.Option(min=1.0, help="Keep only the last seconds of the recording.")] = None,
+    outputs_only: Annotated[
+        bool, typer.Option(help="Record estimates alone: no picture, no sample; it cannot be replayed.")
+    ] = False,
     config: Annotated[
         Path | None, typer.Option(help="Configuration file (TOML); by default the built-in settings.")
     ] = None,
@@ -39,7 +42,15 @@ def demo(
 
     from cli.console import check_writable, score_table, write_json
     from cli.live import LiveStatus
-    from cli.wiring import build_service, open_outlets, open_recorder, stopped_by_signals, summary_tables
+    from cli.wiring import (
+        build_service,
+        check_recording,
+        open_outlets,
+        open_recorder,
+        stopped_by_signals,
+        summary_tables,
+        tell_recording,
+    )
     from daemon.config import Configuration, ZenohSettings, load_configuration
     from daemon.summary import Tally
     from drivers.can.settings import parse_can
@@ -53,6 +64,7 @@ def demo(
     from sim_rig.wearer import SimulatedWearer
 
     check_writable(json)
+    check_recording(record, last, outputs_only)
     configuration = Configuration(device="demo") if config is None else load_configuration(config)
     hub = None
     if can is not None:
@@ -75,7 +87,9 @@ def demo(
         tally = Tally()
         with outlets.closed_on_failure():
             if record is not None:
-                recorder = open_recorder(record, configuration, wearer.calibration, Source.SIMULATED, last)
+                recorder = open_recorder(
+                    record, configuration, wearer.calibration, Source.SIMULATED, last, outputs_only=outputs_only
+                )
             observer = TruthObserver(wearer, configuration.foothold, recorder)
             service = build_service(
                 configuration,
@@ -101,13 +115,11 @@ def demo(
     summary_tables(facts)
     label = "perfect calibration" if perfect_calibration else "calibration with its stated residual"
     score_table(f"Ground against truth: {walk.name}, unit {seed}, {label}", scores)
-    if recorder is not None:
-        from cli.console import console
-
-        console.print(recorder.failed or f"recorded to {record}, {recorder.dropped} messages dropped")
     if json is not None:
         run_facts = {"seed": seed, "scenario": walk.name, "calibration": label, "run": facts, "ground": scores}
         write_json(json, run_facts)
+    if recorder is not None and record is not None:
+        tell_recording(recorder, record)
 
 
 _LEAD_NS = 2_000_000_000

@@ -7,9 +7,11 @@ from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
 
+import typer
+
 from calib.files import format_calibration
 from calib.seal import sealed
-from cli.console import table
+from cli.console import RECORDING_CUT, console, table
 from daemon.config import Configuration, format_configuration
 from daemon.outgoing import Observer
 from daemon.pipeline import Pipeline
@@ -33,8 +35,10 @@ def open_recorder(
     source: Source,
     last_s: float | None,
     learnt: Learnt | None = None,
+    *,
+    outputs_only: bool = False,
 ) -> Recorder:
-    """Return a recorder that writes to `path`, or keeps the newest `last_s` seconds for it."""
+    """Return a recorder that writes to `path`, or keeps the newest `last_s` seconds for it; raises RecordingError."""
     info = RecordingInfo(
         device=configuration.device,
         source=source,
@@ -42,7 +46,22 @@ def open_recorder(
         configuration_text=format_configuration(configuration),
         learnt=learnt,
     )
-    return Recorder(path, info, last_s=last_s)
+    return Recorder(path, info, last_s=last_s, outputs_only=outputs_only)
+
+
+def check_recording(record: Path | None, last_s: float | None, outputs_only: bool) -> None:
+    """Raise UserError where options ask for a part of a recording that is not made."""
+    if record is None and (last_s is not None or outputs_only):
+        raise UserError("--last and --outputs-only choose a part of what --record FILE records: no file is named")
+
+
+def tell_recording(recorder: Recorder, path: Path) -> None:
+    """Say what became of a recording; raises typer.Exit with RECORDING_CUT if it stopped before its end."""
+    console.print(
+        recorder.failed or f"recorded to {path}, {recorder.dropped} messages dropped", highlight=False, soft_wrap=True
+    )
+    if recorder.failed is not None:
+        raise typer.Exit(RECORDING_CUT)
 
 
 class Outlets(NamedTuple):

@@ -122,6 +122,7 @@ def test_interrupting_ends_cleanly_and_keeps_the_recording(tmp_path: Path) -> No
         (["demo", "--json", "/nowhere/facts.json"], "/nowhere/facts.json: its folder does not exist"),
         (["run", "--config", "nowhere.toml"], "nowhere.toml: No such file"),
         (["evaluate", "rig", "--seeds", "a"], "--seeds a: expected"),
+        (["run", "--outputs-only"], "--last and --outputs-only choose a part of what --record FILE records"),
         (["run", "--nonsense"], "No such option: --nonsense"),
         (["demo", "--seconds", "soon"], "'--seconds'"),
     ],
