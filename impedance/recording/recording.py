@@ -31,6 +31,8 @@ FORCE_FILE: Final = "force_plate.csv"
 LARGEST_SETTING: Final = 1e6
 """No length, mass, rate or force of a platform is beyond it, in SI units."""
 
+_LEAST_FOOT_M: Final = 0.001
+
 _POSE: Final = ("x_m", "y_m", "z_m", "psi_rad", "theta_rad", "phi_rad")
 PLATE_COLUMNS: Final = tuple(f"plate_{name}" for name in _POSE)
 FOOT_COLUMNS: Final = tuple(f"foot_{name}" for name in _POSE)
@@ -237,6 +239,10 @@ def settings_of(document: Mapping[str, object], where: str) -> PlatformSettings:
     if inertia is not None and not inertia.is_consistent:
         raise UserError(
             f"{where}: plate.inertia_kgm2: no rigid body has it (each moment at most the sum of the others)"
+        )
+    if settings.foot.present and np.linalg.norm(settings.foot.origin_in_plate_m) < _LEAST_FOOT_M:
+        raise UserError(
+            f"{where}: foot.origin_in_plate_m is at P's origin, allowed {_LEAST_FOOT_M:g} m from it or more"
         )
     if settings.tare.at_rest and any((*settings.tare.force_n, *settings.tare.moment_nm)):
         raise UserError(f"{where}: tare.at_rest is true, so tare.force_n and tare.moment_nm must be left out")

@@ -224,14 +224,14 @@ def test_a_reserve_of_free_space_is_left_and_the_recording_closed(
     monkeypatch.setattr("daemon.recording_file.os.fstatvfs", filling)
     path = tmp_path / "filling.mcap"
     recorder = Recorder(path, INFO, reserve_bytes=1000)
-    assert recorder.state is RecordingState.RECORDING
+    before = recorder.state
     with caplog.at_level(logging.ERROR, logger="gaiteyes"):
         for k in range(12):
             recorder.offer(frame(k, k))
             recorder.drain(timeout_s=0.0)
         recorder.close()
     assert recorder.failed == f"recording {path} stopped: only 0.001 MB are left on its disk"
-    assert recorder.state is RecordingState.DISK_FULL
+    assert (before, recorder.state) == (RecordingState.RECORDING, RecordingState.DISK_FULL)
     assert [entry.message for entry in caplog.records] == [recorder.failed]
     recording = McapRecording(path)
     assert len(list(recording.inputs())) + recorder.dropped == 12

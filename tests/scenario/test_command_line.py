@@ -53,6 +53,38 @@ def test_the_demo_sees_the_ground_and_says_so(walk: Path) -> None:
     assert ground["height_rms_mm"] < 15.0
 
 
+@pytest.mark.long
+@pytest.mark.realtime
+def test_a_recording_that_stops_early_is_told_by_the_exit_code(tmp_path: Path) -> None:
+    """The file may not grow beyond 60 MB, as on a disk that fills."""
+    limited = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (60_000_000,) * 2); import cli.main; "
+    command = ["demo", "--seconds", "4", "--scenario", "level", "--zenoh", free_endpoint(), "--can", "virtual:test"]
+    path = tmp_path / "walk.mcap"
+    done = subprocess.run(
+        [sys.executable, "-c", limited + "cli.main.main()", *command, "--record", str(path)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 3, done.stderr
+    assert f"recording {path} stopped: File too large" in done.stdout
+    assert len(McapRecording(path).truth()) > 2
+
+
+@pytest.mark.long
+@pytest.mark.realtime
+def test_outputs_alone_are_recorded_without_a_picture(tmp_path: Path) -> None:
+    path = tmp_path / "outputs.mcap"
+    done = gaiteyes(
+        "demo", "--seconds", 4, "--scenario", "level", "--zenoh", free_endpoint(), "--can", "virtual:test",
+        "--record", path, "--outputs-only",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert path.stat().st_size < 1_000_000
+    assert gaiteyes("replay", path).stderr.endswith("holds outputs only, recorded without inputs: nothing to replay\n")
+
+
 def lines_of(path: Path) -> list[dict[str, object]]:
     return [json.loads(line) for line in path.read_bytes().splitlines()]
 
@@ -82,7 +114,7 @@ def test_a_recording_cut_in_the_middle_replays_up_to_the_damage(walk: Path, tmp_
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: len(whole) // 2])
     done = gaiteyes("replay", cut, "--out", tmp_path / "cut.jsonl", "--json", tmp_path / "cut.json")
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 3, done.stderr
     assert str(cut) in json.loads((tmp_path / "cut.json").read_bytes())["damage"]
     assert "damage" in done.stdout
     assert len(lines_of(tmp_path / "cut.jsonl")) > 100
