@@ -56,9 +56,9 @@ def test_the_demo_sees_the_ground_and_says_so(walk: Path) -> None:
 @pytest.mark.long
 @pytest.mark.realtime
 def test_a_recording_that_stops_early_is_told_by_the_exit_code(tmp_path: Path) -> None:
-    """The file may not grow beyond 60 MB, as on a disk that fills."""
-    limited = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (60_000_000,) * 2); import cli.main; "
-    command = ["demo", "--seconds", "4", "--scenario", "level", "--zenoh", free_endpoint(), "--can", "virtual:test"]
+    """The file may not grow beyond 45 MB, as on a disk that fills."""
+    limited = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (45_000_000,) * 2); import cli.main; "
+    command = ["demo", "--seconds", "8", "--scenario", "level", "--zenoh", free_endpoint(), "--can", "virtual:test"]
     path = tmp_path / "walk.mcap"
     done = subprocess.run(
         [sys.executable, "-c", limited + "cli.main.main()", *command, "--record", str(path)],
