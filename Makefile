@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 SECONDS ?= 60
+INPUTS ?= 200000
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1
 
 # Where `make install` puts things, below DESTDIR. The interpreter must not lie in a home folder: the service sees none.
@@ -17,7 +18,7 @@ RULES := $(DESTDIR)$(PREFIX)/lib/udev/rules.d/70-gaiteyes.rules
 SYSUSERS := $(DESTDIR)$(PREFIX)/lib/sysusers.d/gaiteyes.conf
 README := $(DESTDIR)$(PREFIX)/share/doc/gaiteyes/README.md
 
-.PHONY: run test test-long test-hidden test-processors test-kernel check lint types contracts format lock clean install install-environment install-files uninstall
+.PHONY: run test test-long test-hidden test-processors test-kernel fuzz check lint types contracts format lock clean install install-environment install-files uninstall
 
 run: $(INSTALLED)
 	$(BIN)/gaiteyes demo --seconds $(SECONDS)
@@ -48,6 +49,10 @@ test-processors: $(INSTALLED)
 # The drivers and the service on a real kernel, in an emulated machine: Debian, as root; says so where it cannot run.
 test-kernel: $(INSTALLED)
 	$(BIN)/python -m tests.kernel $(ARGS)
+
+# Damaged input for every decoder, counted; about a quarter of an hour on an idle machine. INPUTS=, or ARGS="--only C3D".
+fuzz: $(INSTALLED)
+	$(ONE_THREAD) $(BIN)/python -m tests.fuzz --inputs $(INPUTS) $(ARGS)
 
 check: lint types contracts test test-long test-hidden
 

@@ -1,13 +1,15 @@
 """What recording costs: the CPU time of writing two 1280×720 images at 20 fps with all that comes beside them.
 
-    python -m benchmarks.recording [--seconds 60] [--ring S] [--folder DIR]
+    python -m benchmarks.recording [--seconds 60] [--ring S] [--folder DIR] [--noise]
 
-Frames are offered at their real pace, so that the disk, the page cache and the allocator behave as in the daemon. What
-the kernel takes for the bare writes of the same bytes at the same pace is measured beside it. MCAP's index stays in
+The pictures are the simulated wearer's, with their sensor's noise, or nothing but noise. Frames are offered at their
+real pace, so that the disk, the page cache and the allocator behave as in the daemon. What the kernel takes for the
+bare writes of the same bytes at the same pace is measured beside it. MCAP's index stays in
 memory until the file is closed; how it grows is measured with tiny images, written as fast as it goes.
 """
 
 import argparse
+import itertools
 import os
 import resource
 import tempfile
@@ -21,8 +23,11 @@ from daemon.recorder import Recorder, RecordingInfo
 from daemon.recording_file import RecordingFile, entries_of
 from lab.faults.daemon_process import resident_mb
 from messages import FrameHeader, ImuSample, Source, StereoFrame, Tick
+from sim_rig.walk.scenario import scenario
+from sim_rig.wearer import SimulatedWearer
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
+Images = np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
 
 
 def main() -> None:
@@ -30,13 +35,15 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--ring", type=float, default=None, help="keep the newest S seconds instead of writing all")
     parser.add_argument("--folder", type=Path, default=None, help="disk to write to (default: the system's temporary)")
+    parser.add_argument("--noise", action="store_true", help="pictures of noise, which nothing compresses")
     arguments = parser.parse_args()
+    print(f"index           {index_growth_mb_per_h():.1f} MB of memory per hour of recording")
+    images = _noise() if arguments.noise else _walk()
     with tempfile.TemporaryDirectory(dir=arguments.folder) as folder:
         bare = Path(folder) / "bare"
         print(f"bare writes     {100 * bare_write_share(bare, arguments.seconds):.2f} % of a core, in the kernel")
         bare.unlink()
-        measure(Path(folder) / "benchmark.mcap", arguments.seconds, arguments.ring)
-    print(f"index           {index_growth_mb_per_h():.1f} MB of memory per hour of recording")
+        measure(Path(folder) / "benchmark.mcap", arguments.seconds, arguments.ring, images)
 
 
 def bare_write_share(path: Path, seconds: float) -> float:
@@ -71,9 +78,21 @@ def index_growth_mb_per_h(hours: float = 0.5) -> float:
     return growth_mb / hours
 
 
-def measure(path: Path, seconds: float, ring_s: float | None) -> None:
-    rng = np.random.default_rng(1)
-    images = rng.integers(0, 256, (8, HEIGHT_PX, WIDTH_PX), dtype=np.uint8)
+def _noise() -> Images:
+    return np.random.default_rng(1).integers(0, 256, (8, HEIGHT_PX, WIDTH_PX), dtype=np.uint8)
+
+
+def _walk() -> Images:
+    """Return pictures (8, h, w) of the simulated wearer's left eye, a fifth of a second apart."""
+    wearer = SimulatedWearer(1, scenario("mixed"), 0)
+    frames = (message for message in wearer.offline_inputs(3.0) if isinstance(message, StereoFrame))
+    images = np.stack([frame.left for frame in itertools.islice(frames, 0, 32, 4)])
+    wearer.close()
+    return images
+
+
+def measure(path: Path, seconds: float, ring_s: float | None, images: Images) -> None:
+    before_mb = resident_mb(os.getpid())
     info = RecordingInfo("benchmark", Source.SIMULATED, "", "")
     recorder = Recorder(path, info, last_s=ring_s)
     done = threading.Event()
@@ -107,7 +126,7 @@ def measure(path: Path, seconds: float, ring_s: float | None) -> None:
     print(
         f"close           {close_s:.2f} s of CPU, file {path.stat().st_size / 1e6:.0f} MB, ring {recorder.ring_s:.1f} s"
     )
-    print(f"dropped         {recorder.dropped}, peak memory {peak_mb:.0f} MB")
+    print(f"dropped         {recorder.dropped}, peak memory {peak_mb:.0f} MB, before recording {before_mb:.0f} MB")
 
 
 def _sample(seq: int, t_ns: int) -> ImuSample:
@@ -121,7 +140,7 @@ def _sample(seq: int, t_ns: int) -> ImuSample:
     )
 
 
-def _frame(seq: int, t_ns: int, images: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> StereoFrame:
+def _frame(seq: int, t_ns: int, images: Images) -> StereoFrame:
     header = FrameHeader(
         seq=seq,
         t_exposure_ns=t_ns - 40_000_000,

@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from calib.files import CalibrationError, check_calibration
-from calib.strict_yaml import parse_yaml, read_text
+from calib.strict_yaml import parse_yaml
 from messages import Calibration, ImuCalibration, Lens, Pose, Residual, StereoCalibration, matrix3, vec3
 from messages.arrays import FloatArray
+from messages.text_files import read_text
 
 ASL_RESIDUAL = Residual(
     specific_force_mps2=0.1,
@@ -36,7 +37,7 @@ def load_asl_calibration(sensor_files: Mapping[str, Path], unit: str) -> Calibra
     """Return the calibration that the sensor files of `cam0` (left), `cam1` (right) and `imu0` describe.
 
     The IMU is taken as calibrated (identity, no bias) with `ASL_RESIDUAL`; without a file for `imu0` it is the body
-    frame. Stamps are taken as mid-exposure, shutters as global. Raises CalibrationError naming file and field.
+    frame. Stamps are taken as mid-exposure, shutters as global. Raises UserError naming file and field.
     """
     left_file, right_file = (_file_of(camera, sensor_files) for camera in ("cam0", "cam1"))
     left, right = _read(left_file), _read(right_file)

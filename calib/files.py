@@ -1,7 +1,7 @@
-"""Calibration files: YAML in the spirit of Kalibr's, one unit each, checked on reading and on writing.
+"""Calibration files: YAML in the spirit of Kalibr's, one unit each, sealed, checked on reading and on writing.
 
 The file has the keys of `messages.Calibration` or, for a depth camera, of `messages.DepthUnitCalibration`, no others;
-matrices are nested lists, frames stand in the names.
+matrices are nested lists, frames stand in the names. Its last line is its seal (`calib.seal`).
 Whatever is wrong with one is one line, `file: field …`, with the allowed range.
 """
 
@@ -15,7 +15,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from calib.strict_yaml import CalibrationError, format_yaml, parse_yaml, read_text
+from calib.seal import check_seal, sealed
+from calib.strict_yaml import CalibrationError, format_yaml, parse_yaml
 from messages import (
     Calibration,
     DepthUnitCalibration,
@@ -26,6 +27,7 @@ from messages import (
     UnitCalibration,
 )
 from messages.checked import checked
+from messages.text_files import read_text
 
 __all__ = [
     "CalibrationError",
@@ -35,11 +37,22 @@ __all__ = [
     "load_calibration",
     "parse_calibration",
     "save_calibration",
+    "seal_file",
 ]
 
 ROTATION_TOLERANCE = 1e-6
 DISTORTION_TERMS = (4, 5, 8, 12, 14)
 BASELINE_M = (0.02, 0.5)
+FOCAL_LENGTH_WIDTHS = (0.2, 3.0)
+"""A focal length in widths of the picture: 136° to 19° of view across."""
+EQUAL_FOCAL_LENGTHS = (0.9, 1.1)
+"""fy over fx, because pixels are square, and the right eye's over the left's, because the lenses are of one kind."""
+PRINCIPAL_POINT = (0.3, 0.7)
+"""In widths and heights of the picture."""
+CORNER_SCALE = (0.4, 2.5)
+"""By what a lens's distortion may stretch or shrink the distance of the picture's corner from its principal point."""
+LARGEST_TANGENTIAL_TERM = 0.1
+LARGEST_TOE_IN_RAD = 0.2
 LONGEST_UNIT_NAME = 64
 
 _SIDE_BY_SIDE = 0.8
@@ -48,27 +61,24 @@ _SIDE_BY_SIDE = 0.8
 _LIMITS: dict[str, tuple[float, float]] = {
     "stereo.left.width_px": (16, 8192),
     "stereo.left.height_px": (16, 8192),
-    "stereo.left.fx_px": (10.0, 20_000.0),
-    "stereo.left.fy_px": (10.0, 20_000.0),
+    "stereo.left.distortion": (-100.0, 100.0),
     "stereo.right.width_px": (16, 8192),
     "stereo.right.height_px": (16, 8192),
-    "stereo.right.fx_px": (10.0, 20_000.0),
-    "stereo.right.fy_px": (10.0, 20_000.0),
+    "stereo.right.distortion": (-100.0, 100.0),
     "stereo.row_time_s": (0.0, 1e-4),
     "stereo.stamp_to_mid_exposure_s": (-0.1, 0.1),
     "depth.lens.width_px": (16, 8192),
     "depth.lens.height_px": (16, 8192),
-    "depth.lens.fx_px": (10.0, 20_000.0),
-    "depth.lens.fy_px": (10.0, 20_000.0),
+    "depth.lens.distortion": (-100.0, 100.0),
     "depth.baseline_m": BASELINE_M,
     "depth.step_m": (1e-5, 0.01),
     "depth.scale_residual": (0.0, 0.1),
     "depth.row_time_s": (0.0, 1e-4),
     "depth.stamp_to_mid_exposure_s": (-0.1, 0.1),
-    "imu.sf_bias_mps2": (-5.0, 5.0),
+    "imu.sf_bias_mps2": (-2.0, 2.0),
     "imu.w_bias_radps": (-1.0, 1.0),
-    "X_BL.p_m": (-1.0, 1.0),
-    "X_BD.p_m": (-1.0, 1.0),
+    "X_BL.p_m": (-0.5, 0.5),
+    "X_BD.p_m": (-0.5, 0.5),
     "residual.specific_force_mps2": (0.0, 1.0),
     "residual.scale": (0.0, 0.1),
     "residual.toe_in_rad": (0.0, 0.1),
@@ -91,12 +101,26 @@ _INDEX = re.compile(r"\[(\d+)\]")
 
 
 def load_calibration(path: Path) -> UnitCalibration:
-    """Return the calibration that the file holds; raises CalibrationError."""
-    return parse_calibration(read_text(path), str(path))
+    """Return the calibration that the sealed file holds; raises UserError, one line, where it cannot be used."""
+    text = read_text(path)
+    check_seal(text, str(path))
+    return parse_calibration(text, str(path))
+
+
+def seal_file(path: Path) -> UnitCalibration:
+    """Seal a file that a person has edited, or that is older than seals, and return what it holds.
+
+    All but the seal stays as it stands. Raises UserError, one line, where `load_calibration` would refuse its values,
+    and where it cannot be written.
+    """
+    text = read_text(path)
+    calibration = parse_calibration(text, str(path))
+    _write(path, sealed(text))
+    return calibration
 
 
 def parse_calibration(text: str, where: str) -> UnitCalibration:
-    """Return the calibration that `text` holds, for instance one embedded in a recording.
+    """Return the calibration that `text` holds, sealed or not: that inside a recording has the recording's checksum.
 
     Raises UserError whose line begins with `where`; CalibrationError is one.
     """
@@ -111,22 +135,26 @@ def parse_calibration(text: str, where: str) -> UnitCalibration:
 
 
 def save_calibration(path: Path, calibration: UnitCalibration) -> None:
-    """Write the file in one step, so that a reader finds the old one or the new one whole.
+    """Write the file, sealed, in one step, so that a reader finds the old one or the new one whole.
 
     `load_calibration` returns an equal calibration. Raises CalibrationError for values that it would refuse, and
     where the file cannot be written.
     """
     check_calibration(calibration, str(path))
+    _write(path, sealed(format_calibration(calibration)))
+
+
+def _write(path: Path, text: str) -> None:
     part = path.with_name(path.name + ".part")
     try:
-        part.write_text(format_calibration(calibration), encoding="utf-8")
+        part.write_text(text, encoding="utf-8")
         os.replace(part, path)
     except OSError as error:
         raise CalibrationError(f"{path}: {error.strerror}") from error
 
 
 def format_calibration(calibration: UnitCalibration) -> str:
-    """Return the text of the file."""
+    """Return the text of the file but for its seal."""
     return _HEADING + format_yaml(msgspec.to_builtins(calibration))
 
 
@@ -201,7 +229,11 @@ def _stereo_problems(stereo: StereoCalibration) -> Iterator[str]:
     left_size, right_size = ((lens.width_px, lens.height_px) for lens in (stereo.left, stereo.right))
     if left_size != right_size:
         yield "stereo.right is {}x{} px, stereo.left {}x{} px: both must be equal".format(*right_size, *left_size)
+    ratio, (low, high) = stereo.right.fx_px / stereo.left.fx_px, EQUAL_FOCAL_LENGTHS
+    if not low <= ratio <= high:
+        yield f"stereo.right.fx_px is {ratio:.3g} times stereo.left.fx_px, allowed {low:g} to {high:g} times"
     yield from _rotation_problems(stereo.X_RL.R, "stereo.X_RL.R")
+    yield from _toe_in_problems(stereo.X_RL.R)
     yield from _baseline_problems(stereo.X_RL)
 
 
@@ -209,9 +241,31 @@ def _lens_problems(lens: Lens, field: str) -> Iterator[str]:
     if len(lens.distortion) not in DISTORTION_TERMS:
         allowed = ", ".join(str(count) for count in DISTORTION_TERMS)
         yield f"{field}.distortion has {len(lens.distortion)} terms, allowed {allowed}"
+    for name, value in (("fx_px", lens.fx_px), ("fy_px", lens.fy_px)):
+        low, high = (widths * lens.width_px for widths in FOCAL_LENGTH_WIDTHS)
+        if not low <= value <= high:
+            yield f"{field}.{name} is {value:.9g}, allowed {low:g} to {high:g} for pictures {lens.width_px} px wide"
+    ratio, (low, high) = lens.fy_px / lens.fx_px, EQUAL_FOCAL_LENGTHS
+    if not low <= ratio <= high:
+        yield f"{field}.fy_px is {ratio:.3g} times fx_px, allowed {low:g} to {high:g} times"
     for name, value, size_px in (("cx_px", lens.cx_px, lens.width_px), ("cy_px", lens.cy_px, lens.height_px)):
-        if not 0 < value < size_px - 1:
-            yield f"{field}.{name} is {value:.9g}, allowed 0 to {size_px - 1}: inside the image"
+        low, high = (share * size_px for share in PRINCIPAL_POINT)
+        if not low <= value <= high:
+            yield f"{field}.{name} is {value:.9g}, allowed {low:g} to {high:g} of {size_px} px"
+    for k, term in enumerate(lens.distortion[2:4], start=2):
+        if abs(term) > LARGEST_TANGENTIAL_TERM:
+            yield f"{field}.distortion[{k}] is {term:.9g}, allowed up to ±{LARGEST_TANGENTIAL_TERM:g}: tangential"
+    scale, (low, high) = _corner_scale(lens), CORNER_SCALE
+    if not low <= scale <= high:
+        yield f"{field}.distortion scales the picture's corner by {scale:.3g}, allowed {low:g} to {high:g}"
+
+
+def _corner_scale(lens: Lens) -> float:
+    """Return (1 + k1 r² + k2 r⁴ + k3 r⁶) / (1 + k4 r² + k5 r⁴ + k6 r⁶) [OpenCV, calib3d] at the picture's corner."""
+    k1, k2, _, _, k3, k4, k5, k6 = (*lens.distortion, 0.0, 0.0, 0.0, 0.0)[:8]
+    r2 = (0.5 * lens.width_px / lens.fx_px) ** 2 + (0.5 * lens.height_px / lens.fy_px) ** 2
+    below = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    return (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / below if below > 0.0 else math.inf
 
 
 def _rotation_problems(rows: Matrix3, field: str) -> Iterator[str]:
@@ -222,6 +276,12 @@ def _rotation_problems(rows: Matrix3, field: str) -> Iterator[str]:
         yield f"{field} is no rotation: off orthonormal by {error:.2g}, allowed up to {ROTATION_TOLERANCE:g}"
     elif np.linalg.det(R) < 0:
         yield f"{field} mirrors: its determinant is -1, allowed +1"
+
+
+def _toe_in_problems(R_RL: Matrix3) -> Iterator[str]:
+    angle_rad = math.acos(min(1.0, max(-1.0, 0.5 * (R_RL[0][0] + R_RL[1][1] + R_RL[2][2] - 1.0))))
+    if angle_rad > LARGEST_TOE_IN_RAD:
+        yield f"stereo.X_RL.R turns by {angle_rad:.3g} rad, allowed up to {LARGEST_TOE_IN_RAD:g}: the eyes look one way"
 
 
 def _baseline_problems(X_RL: Pose) -> Iterator[str]:

@@ -23,8 +23,9 @@ import msgspec
 from scipy.spatial.transform import Rotation
 
 from calib.nominal import NOMINAL_RESIDUAL
-from calib.strict_yaml import CalibrationError, read_text
+from calib.strict_yaml import CalibrationError
 from messages import Calibration, Lens, Pose, StereoCalibration, matrix3
+from messages.text_files import read_text
 
 
 class ZedMode(NamedTuple):
@@ -89,7 +90,7 @@ class _Conf:
 
 
 def load_zed_conf(path: Path, mode: str) -> StereoCalibration:
-    """Return what the file says for `mode`, one of ZED_MODES; raises CalibrationError, one line.
+    """Return what the file says for `mode`, one of ZED_MODES; raises UserError, one line.
 
     The file knows nothing of shutter and stamps. `row_time_s` is the longest that the rolling shutter can take, and
     `stamp_to_mid_exposure_s` the usual delay; both are unchecked.

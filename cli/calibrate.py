@@ -1,13 +1,16 @@
-"""`gaiteyes calibrate`: calibration files from what is known of a unit."""
+"""`gaiteyes calibrate`: calibration files from what is known of a unit, each with its seal."""
 
 import enum
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from messages.constants import STANDARD_GRAVITY_MPS2
+
+if TYPE_CHECKING:
+    from messages import UnitCalibration  # every command imports what it needs when it is called
 
 calibrate = typer.Typer(help="Make a unit's calibration file.", no_args_is_help=True)
 
@@ -36,7 +39,7 @@ def zed(
     from calib.files import load_calibration, save_calibration
     from calib.nominal import uncalibrated_unit
     from calib.zed_conf import load_zed_conf, with_factory_pair
-    from cli.console import check_writable, console, table, write_json
+    from cli.console import check_writable, console, write_json
     from messages import Calibration, UserError
 
     check_writable(json)
@@ -52,23 +55,60 @@ def zed(
         made = with_factory_pair(known, stereo, unit)
     save_calibration(out, made)
 
-    lens, residual = made.stereo.left, made.residual
-    table(
-        f"{out}: unit '{made.unit}', calibration {made.id}",
-        ["", "value"],
-        [
-            ["each camera", f"{lens.width_px}x{lens.height_px} px, f {lens.fx_px:.1f} px"],
-            ["baseline", f"{-1e3 * made.stereo.X_RL.p_m[0]:.2f} mm"],
-            ["row time, not verified", f"{1e6 * made.stereo.row_time_s:.1f} µs"],
-            ["time stamp to mid-exposure, not verified", f"{1e3 * made.stereo.stamp_to_mid_exposure_s:+.1f} ms"],
-            ["time error, one σ", f"{1e3 * residual.time_s:.1f} ms"],
-            ["camera to IMU rotation error, one σ", f"{math.degrees(residual.camera_to_imu_rad):.2f}°"],
-            ["accelerometer error, one σ", f"{1e3 * residual.specific_force_mps2 / STANDARD_GRAVITY_MPS2:.1f} mg"],
-        ],
-    )
+    _tell(out, made)
+    console.print("Row time and time stamps are not verified.", soft_wrap=True)
     if into is None:
         console.print(
             "IMU and mounting are nominal: calibrate them before anybody walks with this unit.", soft_wrap=True
         )
     if json is not None:
         write_json(json, {"file": str(out), "id": made.id, "calibration": made})
+
+
+@calibrate.command()
+def seal(
+    file: Annotated[Path, typer.Argument(help="The calibration file, edited by hand or older than seals.")],
+    json: JsonFile = None,
+) -> None:
+    """Check a calibration file that was not written by these commands, show what it says, and seal it for use."""
+    from calib.files import seal_file
+    from cli.console import check_writable, console, write_json
+
+    check_writable(json)
+    calibration = seal_file(file)
+    _tell(file, calibration)
+    console.print("Sealed as it stands. Compare these values with what was meant.", soft_wrap=True)
+    if json is not None:
+        write_json(json, {"file": str(file), "id": calibration.id, "calibration": calibration})
+
+
+def _tell(file: Path, calibration: "UnitCalibration") -> None:
+    """Print what a person can compare with the unit in the hand."""
+    from cli.console import table
+    from messages import StereoCalibration
+
+    camera, imu, residual = calibration.camera, calibration.imu, calibration.residual
+    if isinstance(camera, StereoCalibration):
+        lenses, baseline_m = [camera.left, camera.right], math.hypot(*camera.X_RL.p_m)
+    else:
+        lenses, baseline_m = [camera.lens], camera.baseline_m
+    ahead, across, up = (row[2] for row in calibration.X_BE.R)
+    bias_mg = ", ".join(f"{1e3 * bias / STANDARD_GRAVITY_MPS2:+.1f}" for bias in imu.sf_bias_mps2)
+    bias_degps = ", ".join(f"{math.degrees(bias):+.2f}" for bias in imu.w_bias_radps)
+    table(
+        f"{file}: unit '{calibration.unit}', calibration {calibration.id}",
+        ["", "value"],
+        [
+            ["camera", f"{camera.lens.width_px}x{camera.lens.height_px} px"],
+            ["focal lengths", ", ".join(f"{lens.fx_px:.1f}" for lens in lenses) + " px"],
+            ["baseline", f"{1e3 * baseline_m:.2f} mm"],
+            ["row time", f"{1e6 * camera.row_time_s:.1f} µs"],
+            ["time stamp to mid-exposure", f"{1e3 * camera.stamp_to_mid_exposure_s:+.1f} ms"],
+            ["optical axis, in the IMU's axes", f"{ahead:+.3f}, {across:+.3f}, {up:+.3f}"],
+            ["accelerometer bias", f"{bias_mg} mg"],
+            ["gyroscope bias", f"{bias_degps} °/s"],
+            ["time error, one σ", f"{1e3 * residual.time_s:.1f} ms"],
+            ["camera to IMU rotation error, one σ", f"{math.degrees(residual.camera_to_imu_rad):.2f}°"],
+            ["accelerometer error, one σ", f"{1e3 * residual.specific_force_mps2 / STANDARD_GRAVITY_MPS2:.1f} mg"],
+        ],
+    )

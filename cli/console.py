@@ -17,6 +17,9 @@ from messages.errors import UserError
 T = TypeVar("T")
 _WIDTH_OF_A_FILE = 110
 
+RECORDING_CUT = 3
+"""The exit code of a command that did its work, but whose recording ends early: it does not hold all that there was."""
+
 console = Console() if sys.stdout.isatty() else Console(width=_WIDTH_OF_A_FILE)
 
 

@@ -18,6 +18,9 @@ def demo(
         Path | None, typer.Option(help="Record all inputs, outputs and the truth to this MCAP file.")
     ] = None,
     last: Annotated[float | None, typer.Option(min=1.0, help="Keep only the last seconds of the recording.")] = None,
+    outputs_only: Annotated[
+        bool, typer.Option(help="Record estimates alone: no picture, no sample; it cannot be replayed.")
+    ] = False,
     config: Annotated[
         Path | None, typer.Option(help="Configuration file (TOML); by default the built-in settings.")
     ] = None,
@@ -41,7 +44,15 @@ def demo(
 
     from cli.console import check_writable, score_table, write_json
     from cli.live import LiveStatus
-    from cli.wiring import build_service, open_outlets, open_recorder, stopped_by_signals, summary_tables
+    from cli.wiring import (
+        build_service,
+        check_recording,
+        open_outlets,
+        open_recorder,
+        stopped_by_signals,
+        summary_tables,
+        tell_recording,
+    )
     from daemon.config import Configuration, load_configuration
     from daemon.summary import Tally
     from drivers.can.settings import parse_can
@@ -56,6 +67,7 @@ def demo(
     from sim_rig.wearer import SimulatedWearer
 
     check_writable(json)
+    check_recording(record, last, outputs_only)
     configuration = Configuration(device="demo") if config is None else load_configuration(config)
     hub = None
     if can is not None:
@@ -75,22 +87,25 @@ def demo(
         imu.open()
         outlets = open_outlets(configuration, wearer.calibration)
         recorder = None
-        if record is not None:
-            recorder = open_recorder(record, configuration, wearer.calibration, Source.SIMULATED, last)
         tally = Tally()
-        observer = TruthObserver(wearer, configuration.foothold, recorder)
-        service = build_service(
-            configuration,
-            wearer.calibration,
-            Source.SIMULATED,
-            imu,
-            camera,
-            outlets,
-            recorder,
-            [tally, observer],
-            background={} if hub is None else {"can-hub": hub.serve},
-            priorities=config is not None and configuration.realtime.priorities,
-        )
+        with outlets.closed_on_failure():
+            if record is not None:
+                recorder = open_recorder(
+                    record, configuration, wearer.calibration, Source.SIMULATED, last, outputs_only=outputs_only
+                )
+            observer = TruthObserver(wearer, configuration.foothold, recorder)
+            service = build_service(
+                configuration,
+                wearer.calibration,
+                Source.SIMULATED,
+                imu,
+                camera,
+                outlets,
+                recorder,
+                [tally, observer],
+                background={} if hub is None else {"can-hub": hub.serve},
+                priorities=config is not None and configuration.realtime.priorities,
+            )
         with stopped_by_signals(service), LiveStatus(tally, observer) as live:
             service.run(seconds, status=live.refresh)
     finally:
@@ -103,13 +118,11 @@ def demo(
     summary_tables(facts)
     label = "perfect calibration" if perfect_calibration else "calibration with its stated residual"
     score_table(f"Ground against truth: {walk.name}, unit {seed}, {label}", scores)
-    if recorder is not None:
-        from cli.console import console
-
-        console.print(recorder.failed or f"recorded to {record}, {recorder.dropped} messages dropped")
     if json is not None:
         run_facts = {"seed": seed, "scenario": walk.name, "calibration": label, "run": facts, "ground": scores}
         write_json(json, run_facts)
+    if recorder is not None and record is not None:
+        tell_recording(recorder, record)
 
 
 _LEAD_NS = 2_000_000_000

@@ -17,7 +17,7 @@ def replay(
 
     import cv2
 
-    from cli.console import check_writable, console, floor_table, score_table, table, write_json
+    from cli.console import RECORDING_CUT, check_writable, console, floor_table, score_table, table, write_json
     from daemon import replay as replaying
     from daemon.config import load_configuration
     from daemon.pipeline import Pipeline
@@ -60,3 +60,5 @@ def replay(
         console.print(f"replayed up to where the recording is damaged: {damage}", style="yellow", soft_wrap=True)
     if json is not None:
         write_json(json, facts)
+    if damage is not None:
+        raise typer.Exit(RECORDING_CUT)

@@ -13,6 +13,9 @@ def run(
     ] = None,
     record: Annotated[Path | None, typer.Option(help="Record all inputs and outputs to this MCAP file.")] = None,
     last: Annotated[float | None, typer.Option(min=1.0, help="Keep only the last seconds of the recording.")] = None,
+    outputs_only: Annotated[
+        bool, typer.Option(help="Record estimates alone: no picture, no sample; it cannot be replayed.")
+    ] = False,
     json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
 ) -> None:
     """Run the daemon on the IMU and the camera that the configuration names.
@@ -25,7 +28,15 @@ def run(
     from cli.devices import build_imu, camera_opener
     from cli.live import LiveStatus
     from cli.reload import Reloader
-    from cli.wiring import build_service, open_outlets, open_recorder, stopped_by_signals, summary_tables
+    from cli.wiring import (
+        build_service,
+        check_recording,
+        open_outlets,
+        open_recorder,
+        stopped_by_signals,
+        summary_tables,
+        tell_recording,
+    )
     from daemon.config import load_configuration
     from daemon.realtime import lock_memory
     from daemon.replaceable_camera import ReplaceableCamera
@@ -36,6 +47,7 @@ def run(
     from messages import ServiceError, Source
 
     check_writable(json)
+    check_recording(record, last, outputs_only)
     configuration = load_configuration(config)
     calibration = load_calibration(config.parent / configuration.calibration)
     manager = ServiceManager()
@@ -53,22 +65,25 @@ def run(
     keeper = StateKeeper(state_path(config, configuration), calibration)
     learnt = keeper.load()
     recorder = None
-    if record is not None:
-        recorder = open_recorder(record, configuration, calibration, Source.LIVE, last, learnt)
     tally = Tally()
-    service = build_service(
-        configuration,
-        calibration,
-        Source.LIVE,
-        imu,
-        camera,
-        outlets,
-        recorder,
-        [tally],
-        priorities=configuration.realtime.priorities,
-        learnt=learnt,
-        state_keeper=keeper,
-    )
+    with outlets.closed_on_failure():
+        if record is not None:
+            recorder = open_recorder(
+                record, configuration, calibration, Source.LIVE, last, learnt, outputs_only=outputs_only
+            )
+        service = build_service(
+            configuration,
+            calibration,
+            Source.LIVE,
+            imu,
+            camera,
+            outlets,
+            recorder,
+            [tally],
+            priorities=configuration.realtime.priorities,
+            learnt=learnt,
+            state_keeper=keeper,
+        )
     if configuration.realtime.lock_memory:
         lock_memory()
     reloader = Reloader(config, configuration, calibration, service, camera, outlets)
@@ -93,3 +108,5 @@ def run(
         summary_tables(facts)
     if json is not None:
         write_json(json, facts)
+    if recorder is not None and record is not None:
+        tell_recording(recorder, record)

@@ -7,8 +7,11 @@ from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
 
+import typer
+
 from calib.files import format_calibration
-from cli.console import table
+from calib.seal import sealed
+from cli.console import RECORDING_CUT, console, table
 from daemon.config import Configuration, format_configuration
 from daemon.outgoing import Observer
 from daemon.pipeline import Pipeline
@@ -32,16 +35,33 @@ def open_recorder(
     source: Source,
     last_s: float | None,
     learnt: Learnt | None = None,
+    *,
+    outputs_only: bool = False,
 ) -> Recorder:
-    """Return a recorder that writes to `path`, or keeps the newest `last_s` seconds for it."""
+    """Return a recorder that writes to `path`, or keeps the newest `last_s` seconds for it; raises RecordingError."""
     info = RecordingInfo(
         device=configuration.device,
         source=source,
-        calibration_text=format_calibration(calibration),
+        calibration_text=sealed(format_calibration(calibration)),
         configuration_text=format_configuration(configuration),
         learnt=learnt,
     )
-    return Recorder(path, info, last_s=last_s)
+    return Recorder(path, info, last_s=last_s, outputs_only=outputs_only)
+
+
+def check_recording(record: Path | None, last_s: float | None, outputs_only: bool) -> None:
+    """Raise UserError where options ask for a part of a recording that is not made."""
+    if record is None and (last_s is not None or outputs_only):
+        raise UserError("--last and --outputs-only choose a part of what --record FILE records: no file is named")
+
+
+def tell_recording(recorder: Recorder, path: Path) -> None:
+    """Say what became of a recording; raises typer.Exit with RECORDING_CUT if it stopped before its end."""
+    console.print(
+        recorder.failed or f"recorded to {path}, {recorder.dropped} messages dropped", highlight=False, soft_wrap=True
+    )
+    if recorder.failed is not None:
+        raise typer.Exit(RECORDING_CUT)
 
 
 class Outlets(NamedTuple):
@@ -50,6 +70,20 @@ class Outlets(NamedTuple):
     zenoh: ZenohPublisher
     can: CanPublisher
     link: CanLink
+
+    def close(self) -> None:
+        """Close both; for outlets that no service has taken over."""
+        self.zenoh.close()
+        self.can.close()
+
+    @contextmanager
+    def closed_on_failure(self) -> Iterator[None]:
+        """Close both if an error comes before a service, which closes them itself, runs."""
+        try:
+            yield
+        except BaseException:
+            self.close()
+            raise
 
 
 def open_outlets(configuration: Configuration, calibration: UnitCalibration, *, retry_opening: bool = False) -> Outlets:

@@ -4,12 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import tomli
 
 from drivers.can.settings import CanSettings
 from drivers.zenoh.settings import ZenohSettings
-from messages import UserError
 from messages.checked import checked
+from messages.text_files import parse_toml, read_text
 from perception.ground.foothold import FootholdSettings
 
 
@@ -80,22 +79,12 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
 
 def load_configuration(path: Path) -> Configuration:
     """Return the configuration that the file holds; raises UserError, one line with file, field and allowed range."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path}: not UTF-8 text (byte {error.start})") from error
-    return parse_configuration(text, str(path))
+    return parse_configuration(read_text(path), str(path))
 
 
 def parse_configuration(text: str, where: str) -> Configuration:
     """Return the configuration that `text` holds, for instance the one embedded in a recording."""
-    try:
-        document = tomli.loads(text)
-    except tomli.TOMLDecodeError as error:
-        raise UserError(f"{where}: not TOML: {error}") from error
-    return checked(document, Configuration, where)
+    return checked(parse_toml(text, where), Configuration, where)
 
 
 def format_configuration(configuration: Configuration) -> str:

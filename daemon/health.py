@@ -91,6 +91,7 @@ class HealthMonitor:
             ankle_states=self._ankle_states,
             inbox_dropped=devices.inbox_dropped,
             recorder_dropped=devices.recorder_dropped,
+            recording=devices.recording,
             can_errors=devices.can_errors,
             can_bus=devices.can_bus,
             zenoh_errors=devices.zenoh_errors,

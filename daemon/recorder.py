@@ -5,31 +5,35 @@ does all the work: encoding, copying the pixels, writing. Memory is bounded:
 
 - waiting for `drain`: at most `queue_frames` frames, whose pixel buffers stay in use meanwhile (a pool needs as many
   more), and `queue_messages` messages (about 10 s without frames);
-- in the ring: `last_s` seconds of encoded copies, which hold no pixel buffers; 37 MB a second at 1280×720 and 20 fps,
-  1.1 GB for 30 s. Beyond `ring_bytes` the oldest messages leave early.
+- in the ring: `last_s` seconds of packed copies, which hold no pixel buffers; about 19 MB a second at 1280×720 and
+  20 fps (`daemon.recording_ring`). Beyond `ring_bytes` the oldest messages leave early.
+
+With `outputs_only` no input is kept, above all no picture: only estimates, and a rig's truth. Recording stops where
+less than `reserve_bytes` are left on the disk: the unit's state and the system's log are kept there too.
 
 When the queue is full the newcomer goes: a frame is recorded as a `DroppedFrame` (not_recorded) in its place, anything
 else is lost. Both are counted.
 """
 
-import itertools
 import threading
 from collections import Counter, deque
-from collections.abc import Iterator
 from pathlib import Path
 
-from daemon.recording_file import Entry, Recordable, RecordingError, RecordingFile, RecordingInfo, entries_of
+from daemon.recording_file import RESERVE_BYTES, Recordable, RecordingError, RecordingFile, RecordingInfo, entries_of
+from daemon.recording_ring import RecordingRing
 from messages import (
     TOPIC_OF,
     AnkleState,
     DeviceCounters,
     DropCause,
     DroppedFrame,
+    Estimate,
     Frame,
+    GroundTruth,
     ImuSample,
-    LastingInput,
     LoadLevel,
     Reconfigured,
+    RecordingState,
     Tick,
 )
 
@@ -49,18 +53,21 @@ class Recorder:
         info: RecordingInfo,
         *,
         last_s: float | None = None,
+        outputs_only: bool = False,
+        reserve_bytes: int = RESERVE_BYTES,
         queue_frames: int = 8,
         queue_messages: int = 4096,
-        ring_bytes: int = 2 << 30,
+        ring_bytes: int = 640 << 20,
     ) -> None:
         if last_s is not None and not last_s > 0.0:
             raise RecordingError(f"the newest {last_s:g} s cannot be kept, allowed above 0 s")
-        self._file = RecordingFile(path, info)
-        self._ring = None if last_s is None else _Ring(last_s, ring_bytes)
+        self._file = RecordingFile(path, info, outputs_only=outputs_only, reserve_bytes=reserve_bytes)
+        self._ring = None if last_s is None else RecordingRing(last_s, ring_bytes)
+        self._outputs_only = outputs_only
         self._queue_frames = queue_frames
         self._queue_messages = queue_messages
         self._arrived = threading.Condition()
-        self._waiting: deque[Recordable] = deque()
+        self._waiting: deque[tuple[Recordable, int]] = deque()
         self._frames_held = 0
         self._now_ns = 0
         self._closed = False
@@ -75,6 +82,11 @@ class Recorder:
         return self._file.failed
 
     @property
+    def state(self) -> RecordingState:
+        """Return whether it records, or which kind of reason stopped it."""
+        return self._file.state
+
+    @property
     def idle(self) -> bool:
         """Return whether nothing waits for `drain`."""
         return not self._waiting
@@ -87,6 +99,9 @@ class Recorder:
     def offer(self, message: Recordable) -> None:
         """Queue `message`, or drop it by the rule. Waits for no disk and copies nothing."""
         with self._arrived:
+            self._now_ns = max(self._now_ns, _arrival_ns(message))
+            if self._outputs_only and not isinstance(message, Estimate | GroundTruth):
+                return
             kept = message
             if isinstance(message, Frame) and self._frames_held >= self._queue_frames:
                 kept = DroppedFrame(header=message.header, cause=DropCause.NOT_RECORDED)
@@ -96,7 +111,7 @@ class Recorder:
             if no_room:
                 return
             self._frames_held += isinstance(kept, Frame)
-            self._waiting.append(kept)
+            self._waiting.append((kept, self._now_ns))
             self._arrived.notify()
 
     def drain(self, timeout_s: float) -> None:
@@ -106,8 +121,8 @@ class Recorder:
                 self._arrived.wait(timeout_s)
             count = len(self._waiting)
         for _ in range(count):
-            message = self._waiting.popleft()
-            kind, recorded = type(message), self._record(message)
+            message, log_time_ns = self._waiting.popleft()
+            kind, recorded = type(message), self._record(message, log_time_ns)
             del message  # a frame's buffers are free before another frame may take its place
             with self._arrived:
                 self._frames_held -= issubclass(kind, Frame)
@@ -122,7 +137,7 @@ class Recorder:
             self._closed = True
         self.drain(timeout_s=0.0)
         if self._ring is not None:
-            for kind, entries in self._ring:
+            for kind, entries in self._ring.emptied():
                 if self._file.failed is not None or not self._file.write(entries):
                     self._drop(kind)
         self._file.close()
@@ -131,12 +146,11 @@ class Recorder:
         self.dropped += 1
         self.dropped_by_kind[TOPIC_OF[kind].name] += 1
 
-    def _record(self, message: Recordable) -> bool:
+    def _record(self, message: Recordable, log_time_ns: int) -> bool:
         """Write or keep `message`; return False if it could not be written."""
         if self._file.failed is not None:
             return False
-        self._now_ns = max(self._now_ns, _arrival_ns(message))
-        entries = entries_of(message, self._now_ns)
+        entries = entries_of(message, log_time_ns)
         if self._ring is None:
             return self._file.write(entries)
         self._ring.append(type(message), entries)
@@ -154,41 +168,3 @@ def _arrival_ns(message: Recordable) -> int:
     if isinstance(message, Tick | LoadLevel | Reconfigured | DeviceCounters):
         return message.t_ns
     return 0
-
-
-class _Ring:
-    """The messages logged within `last_s` of the newest, encoded, and no more than `limit_bytes` of them.
-
-    Before them stands the newest of each kind of decision that still holds when they begin.
-    """
-
-    def __init__(self, last_s: float, limit_bytes: int) -> None:
-        self._last_ns = round(last_s * 1e9)
-        self._limit_bytes = limit_bytes
-        self._bytes = 0
-        self._messages: deque[tuple[type[Recordable], tuple[Entry, ...]]] = deque()
-        self._lasting: dict[type[Recordable], tuple[Entry, ...]] = {}
-
-    def __iter__(self) -> Iterator[tuple[type[Recordable], tuple[Entry, ...]]]:
-        return itertools.chain(self._lasting.items(), self._messages)
-
-    @property
-    def span_s(self) -> float:
-        return (self._log_time_ns(-1) - self._log_time_ns(0)) * 1e-9 if self._messages else 0.0
-
-    def append(self, kind: type[Recordable], entries: tuple[Entry, ...]) -> None:
-        self._messages.append((kind, entries))
-        self._bytes += _size(entries)
-        first_ns = self._log_time_ns(-1) - self._last_ns
-        while self._messages and (self._log_time_ns(0) < first_ns or self._bytes > self._limit_bytes):
-            gone, gone_entries = self._messages.popleft()
-            self._bytes -= _size(gone_entries)
-            if issubclass(gone, LastingInput):
-                self._lasting[gone] = gone_entries
-
-    def _log_time_ns(self, place: int) -> int:
-        return self._messages[place][1][0].log_time_ns
-
-
-def _size(entries: tuple[Entry, ...]) -> int:
-    return sum(len(entry.data) for entry in entries)

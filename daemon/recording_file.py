@@ -8,6 +8,7 @@ import contextlib
 import itertools
 import logging
 import os
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +27,7 @@ from drivers.recording.recording import (
     FORMAT,
     IMAGE_CHANNELS,
     LEARNT_FILE,
+    OUTPUTS,
 )
 from messages import (
     TOPIC_OF,
@@ -37,6 +39,7 @@ from messages import (
     Image,
     Input,
     Learnt,
+    RecordingState,
     Source,
     UserError,
 )
@@ -45,6 +48,9 @@ from messages.codec import encode, json_schema
 log = logging.getLogger("gaiteyes")
 
 Recordable = Input | Estimate | GroundTruth
+
+RESERVE_BYTES = 500_000_000
+"""Free space that a recording leaves on its disk."""
 
 _HEADER_CHANNEL = TOPIC_OF[FrameHeader].name
 _LARGEST_CHUNK_BYTES = 8 << 20
@@ -95,12 +101,20 @@ def entries_of(message: Recordable, log_time_ns: int) -> tuple[Entry, ...]:
 class RecordingFile:
     """Creates `path` and writes entries into it in the order of the calls.
 
-    A file that exists and is not empty is never overwritten. Raises RecordingError where it cannot be created.
-    A failing disk afterwards never raises: `failed` becomes one line and everything later is thrown away.
+    A file that exists and is not empty is never overwritten. Raises RecordingError where it cannot be created, or where
+    less than `reserve_bytes` are free. A failing disk afterwards never raises: `failed` becomes one line and everything
+    later is thrown away. So it is when the reserve is reached; then the file is still closed with its index.
     """
 
-    def __init__(self, path: Path, info: RecordingInfo) -> None:
+    def __init__(
+        self, path: Path, info: RecordingInfo, *, outputs_only: bool = False, reserve_bytes: int = RESERVE_BYTES
+    ) -> None:
         self._disk = _Disk(path)
+        self._reserve_bytes = reserve_bytes
+        self._stopped: str | None = None
+        if not self._disk.has_room(reserve_bytes):
+            self._disk.remove()
+            raise RecordingError(f"{path}: cannot record here: less than {_mb(reserve_bytes)} are free on its disk")
         context = self._context = Context()  # kept, because its end closes its channels
         self._writer = open_mcap(
             self._disk,
@@ -113,6 +127,8 @@ class RecordingFile:
         )
         about = {"format": FORMAT, "device": info.device, "source": info.source.value}
         texts = {CALIBRATION_FILE: info.calibration_text, CONFIGURATION_FILE: info.configuration_text}
+        if outputs_only:
+            about["holds"] = OUTPUTS
         if info.learnt is not None:
             about["learnt"] = info.learnt.id
             texts[LEARNT_FILE] = format_learnt(info.learnt)
@@ -139,16 +155,30 @@ class RecordingFile:
     @property
     def failed(self) -> str | None:
         """Return why writing stopped, or None while all is well."""
-        return self._disk.failed
+        return self._disk.failed or self._stopped
+
+    @property
+    def state(self) -> RecordingState:
+        """Return the same in one word."""
+        if self._disk.failed is not None:
+            return RecordingState.DISK_FAILED
+        return RecordingState.RECORDING if self._stopped is None else RecordingState.DISK_FULL
 
     def write(self, entries: tuple[Entry, ...]) -> bool:
-        """Write the entries of one message; return False if the disk has failed, now or before."""
+        """Write the entries of one message; return False if writing has stopped, now or before."""
+        if self._stopped is not None:
+            return False
         for channel, log_time_ns, data in entries:
             self._channels[channel].log(data, log_time=log_time_ns)
         last = entries[-1]
         if last.channel == _HEADER_CHANNEL or last.log_time_ns >= self._chunk_due_ns:
             self._end_chunk()
             self._chunk_due_ns = last.log_time_ns + _LONGEST_CHUNK_NS
+            if self._disk.failed is None and not self._disk.has_room(self._reserve_bytes):
+                self._stopped = (
+                    f"recording {self._disk.path} stopped: only {_mb(self._reserve_bytes)} are left on its disk"
+                )
+                log.error("%s", self._stopped)
         return self._disk.failed is None
 
     def close(self) -> None:
@@ -168,7 +198,7 @@ class _Disk:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self.path = path
         self._position = self._end = self._sound_end = 0
         self.failed: str | None = None
         try:
@@ -196,6 +226,18 @@ class _Disk:
         self._position = position
         return position
 
+    def has_room(self, bytes_free: int) -> bool:
+        """Return whether so much is free beside the file; a device such as /dev/null is never full."""
+        if not stat.S_ISREG(os.fstat(self._file.fileno()).st_mode):
+            return True
+        disk = os.fstatvfs(self._file.fileno())
+        return disk.f_bavail * disk.f_frsize >= bytes_free
+
+    def remove(self) -> None:
+        """Close the file, to which nothing was written, and remove it."""
+        self._file.close()
+        self.path.unlink(missing_ok=True)
+
     def flush(self) -> None:
         """Do nothing: the file has no buffer."""
 
@@ -210,10 +252,14 @@ class _Disk:
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:
-        self.failed = f"recording {self._path} stopped: {error.strerror}"
+        self.failed = f"recording {self.path} stopped: {error.strerror}"
         log.error("%s", self.failed)
         with contextlib.suppress(OSError):  # the disk may be gone altogether
             self._file.truncate(self._sound_end)
+
+
+def _mb(count: int) -> str:
+    return f"{count / 1e6:g} MB"
 
 
 def viewer_schema(message: type[msgspec.Struct]) -> Schema:

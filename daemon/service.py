@@ -37,6 +37,7 @@ from messages import (
     Frame,
     Input,
     LoadLevel,
+    RecordingState,
     ServiceError,
     Tick,
     ZenohHealth,
@@ -112,8 +113,10 @@ class Service:
 
     @property
     def problems(self) -> list[str]:
-        """Return one line for each device that is absent now."""
-        return [outage.problem for outage in self._outages.values() if outage.problem]
+        """Return one line for each device that is absent now, and one for a recording that has stopped."""
+        found = [outage.problem for outage in self._outages.values() if outage.problem]
+        stopped = self._recorder.failed if self._recorder is not None else None
+        return found if stopped is None else [*found, stopped]
 
     def put(self, message: Input) -> None:
         """Hand the pipeline a decision of the daemon's own, in the order of arrival."""
@@ -265,6 +268,7 @@ class Service:
             frames_dropped=dict(self._devices.camera.dropped),
             inbox_dropped=self._inbox.dropped,
             recorder_dropped=self._recorder.dropped if self._recorder is not None else 0,
+            recording=self._recorder.state if self._recorder is not None else RecordingState.OFF,
             can_errors=self._outgoing.errors("can"),
             can_bus=self._devices.ankle.bus_health if self._devices.ankle is not None else CanBusHealth(),
             zenoh_errors=self._outgoing.errors("zenoh"),

@@ -3,13 +3,33 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+LONGEST_LINE = 600
+"""Characters of an error's line. Of a longer one the middle is left out: what and where stand at its beginning, what is
+allowed at its end."""
+
 
 class UserError(Exception):
-    """A device, file or setting is not as it must be: what, where, and what is allowed. The command exits with 2."""
+    """A device, file or setting is not as it must be: what, where, and what is allowed. The command exits with 2.
+
+    It is one line whatever was quoted from a file: what does not print is escaped, what is too long is cut.
+    """
+
+    def __init__(self, line: str) -> None:
+        super().__init__(_one_line(line))
 
 
 class ServiceError(Exception):
     """The service failed by itself; what led to it is in the log. The command line exits with 1."""
+
+
+def _one_line(text: str) -> str:
+    if len(text) > LONGEST_LINE:
+        text = f"{text[: 2 * LONGEST_LINE // 3]} … {text[-LONGEST_LINE // 4 :]}"
+    return text if text.isprintable() else "".join(map(_printable, text))
+
+
+def _printable(character: str) -> str:
+    return character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> UserError:

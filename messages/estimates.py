@@ -7,7 +7,7 @@ import enum
 import msgspec
 
 from messages.arrays import FloatArray
-from messages.inputs import CanBusHealth, DropCause, Load, Vec3, ZenohHealth
+from messages.inputs import CanBusHealth, DropCause, Load, RecordingState, Vec3, ZenohHealth
 
 Quaternion = tuple[float, float, float, float]
 Covariance3 = tuple[float, float, float, float, float, float]
@@ -225,6 +225,7 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     ankle_states: int
     inbox_dropped: int
     recorder_dropped: int
+    recording: RecordingState
     can_errors: int
     can_bus: CanBusHealth
     zenoh_errors: int

@@ -90,6 +90,15 @@ class DropCause(str, enum.Enum):
     NOT_RECORDED = "not_recorded"  # used live, but the recorder's queue was full: only a recording says so
 
 
+class RecordingState(str, enum.Enum):
+    """Whether the service records what it takes and makes."""
+
+    OFF = "off"
+    RECORDING = "recording"
+    DISK_FULL = "disk_full"  # stopped: no more than the reserve of free space is left
+    DISK_FAILED = "disk_failed"  # stopped: the disk refused to write
+
+
 class DroppedFrame(msgspec.Struct, frozen=True, kw_only=True):
     """A frame that was lost, kept as its header so that a replay sees the same gap."""
 
@@ -187,6 +196,7 @@ class DeviceCounters(msgspec.Struct, frozen=True, kw_only=True):
     frames_dropped: dict[DropCause, int] = {}
     inbox_dropped: int = 0
     recorder_dropped: int = 0
+    recording: RecordingState = RecordingState.OFF
     can_errors: int = 0
     can_bus: CanBusHealth = CanBusHealth()
     zenoh_errors: int = 0

@@ -3,13 +3,12 @@
 Time is time of use: seconds in which something could be learnt, summed over all runs. No clock outlives a power-off.
 """
 
-import math
 from itertools import pairwise
 from typing import Annotated
 
 import msgspec
 
-from messages.calibration import NonNegative, Positive, short_hash
+from messages.calibration import NonNegative, short_hash
 from messages.inputs import Vec3
 
 DIE_TEMPERATURES_DEGC = (-40.0, 85.0)
@@ -18,11 +17,15 @@ DIE_TEMPERATURES_DEGC = (-40.0, 85.0)
 _DieTemperature = Annotated[float, msgspec.Meta(ge=DIE_TEMPERATURES_DEGC[0], le=DIE_TEMPERATURES_DEGC[1])]
 
 
+_LARGEST = 1e3
+"""rad/s or m/s²: beyond the range of any IMU; squares of it are far from overflowing."""
+
+
 class BiasAtTemperature(msgspec.Struct, frozen=True, kw_only=True):
     """What the calibration leaves of both biases of the IMU, in B, at one die temperature, with one standard deviation
     on each axis. `seen_s` is the time of use when that was last measured.
 
-    Raises ValueError for what is not finite and for a negative deviation.
+    Raises ValueError for what is not finite, for a negative deviation and for what no IMU can measure.
     """
 
     temperature_degC: _DieTemperature
@@ -36,15 +39,16 @@ class BiasAtTemperature(msgspec.Struct, frozen=True, kw_only=True):
         """Refuse what is no measurement."""
         for name in ("gyro_bias_radps", "gyro_std_radps", "sf_bias_mps2", "sf_std_mps2"):
             axes: Vec3 = getattr(self, name)
-            if not all(map(math.isfinite, axes)) or ("_std_" in name and min(axes) < 0.0):
-                raise ValueError(f"{name} is {axes}, allowed three finite numbers, of a deviation none below 0")
+            lowest = 0.0 if "_std_" in name else -_LARGEST
+            if not all(lowest <= each <= _LARGEST for each in axes):  # so written, NaN is refused too
+                raise ValueError(f"{name} is {axes}, allowed three numbers from {lowest:g} to {_LARGEST:g}")
 
 
 class DepthScale(msgspec.Struct, frozen=True, kw_only=True):
     """The camera's distances are (1 + `scale`) times the true ones; `std` is one standard deviation."""
 
     scale: Annotated[float, msgspec.Meta(gt=-0.5, lt=0.5)]
-    std: Positive
+    std: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
     seen_s: NonNegative
 
 

@@ -1,7 +1,6 @@
 """extended.toml: the extended model as a file that a simulation loads: every parameter with its value and unit."""
 
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +9,7 @@ from discrepancy.explanation import Explanation
 from discrepancy.simulation import Parameter, Simulation
 from discrepancy.verdict import Quantity
 from messages.errors import UserError, unknown_name
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from messages.text_files import parse_toml, read_text
 
 _HEADING = """\
 # The extended model: the base model's own parameters and the effects that were found, each with its 95 % interval.
@@ -47,12 +42,7 @@ class Extended:
 
 def read_extended(path: Path, system: str) -> Extended:
     """Return what `path` says, for whoever simulates `system`; raises UserError, naming the field, for another form."""
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise UserError(f"{path}: {error}") from error
+    document = parse_toml(read_text(path), str(path))
     if document.get("system") != system:
         raise UserError(f'{path}: system is {document.get("system")!r}; expected "{system}"')
     for name in document:

@@ -10,9 +10,12 @@ import numpy as np
 from drivers.protocols import DeviceError
 from messages.arrays import FloatArray, IntArray
 
+_LARGEST = 1e12
+"""In SI units no position, rate or acceleration is beyond it."""
+
 
 class Table(NamedTuple):
-    """`t_ns` (n,) strictly increasing, `values` (n, columns) finite, `lines` the number of each row's line."""
+    """`t_ns` (n,) strictly increasing, `values` (n, columns) within ±1e12, `lines` the number of each row's line."""
 
     t_ns: IntArray
     values: FloatArray
@@ -62,6 +65,6 @@ def _row(text: str, columns: int) -> tuple[int, list[float]]:
     if not cells[0].strip().isdecimal() or (t_ns := int(cells[0])) >= 2**63:
         raise ValueError(f"time '{cells[0].strip()}', allowed whole ns from 0 to 2^63 - 1")
     values = [float(cell) for cell in cells[1 : 1 + columns]]
-    if not np.isfinite(values).all():
-        raise ValueError("a number that is not finite")
+    if not all(-_LARGEST <= value <= _LARGEST for value in values):  # so written, NaN is refused too
+        raise ValueError(f"a number that is not finite or beyond ±{_LARGEST:g}")
     return t_ns, values

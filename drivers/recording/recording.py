@@ -49,6 +49,9 @@ ENCODINGS: dict[np.dtype[Any], str] = {np.dtype("<u1"): "mono8", np.dtype("<u2")
 ABOUT = "gaiteyes"
 """The metadata record with `format`, `device` and `source`, and the id of what the unit had `learnt`, if anything."""
 
+OUTPUTS = "outputs"
+"""In ABOUT's field `holds`: estimates alone, nothing to replay."""
+
 FORMAT = "1"
 CALIBRATION_FILE, CONFIGURATION_FILE, LEARNT_FILE = "calibration.yaml", "configuration.toml", "learnt.json"
 """The attached texts; the last only where the unit had learnt something before."""
@@ -91,6 +94,7 @@ class McapRecording:
         if about.get("format") != FORMAT:
             raise DeviceError(f"{path}: its format is '{about.get('format')}', allowed '{FORMAT}'")
         try:
+            self._outputs_only = about.get("holds") == OUTPUTS
             self.device = about["device"]
             self.source = Source(about["source"])
             self.calibration_text = texts[CALIBRATION_FILE]
@@ -124,6 +128,8 @@ class McapRecording:
         except DamageError as damage:
             self.damage = f"{self._path}: {damage}"
             return
+        if empty and self._outputs_only:
+            raise DeviceError(f"{self._path}: holds outputs only, recorded without inputs: nothing to replay")
         if empty:
             raise DeviceError(f"{self._path}: holds no input, on none of {', '.join(sorted(_INPUT_CHANNELS))}")
 

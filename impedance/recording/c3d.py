@@ -10,9 +10,10 @@ and P. The pose of a frame B from its markers r_k, seen at p_k, is the one of le
 over the markers seen at that time; NaN where fewer than three are.
 """
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import msgspec
 import numpy as np
@@ -20,10 +21,12 @@ from msgspec import Meta
 
 from impedance.body import geometry
 from impedance.body.rigid_body import wrench_transform
+from impedance.recording.c3d_file import Channels, read_contents
 from impedance.recording.check import Stream
 from impedance.recording.plain_files import read_toml
 from impedance.recording.recording import (
     FOOT_COLUMNS,
+    LARGEST_SETTING,
     PLATE_COLUMNS,
     WRENCH_COLUMNS,
     PlatformRecording,
@@ -34,7 +37,7 @@ from impedance.recording.recording import (
 from messages.arrays import FloatArray
 from messages.checked import checked
 from messages.errors import UserError
-from messages.extras import needs
+from messages.text_files import check_sizes
 
 _LENGTHS_M: Final = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _MOMENTS_NM: Final = {"Nm": 1.0, "N.m": 1.0, "N*m": 1.0, "Nmm": 0.001, "N.mm": 0.001, "N*mm": 0.001}
@@ -74,19 +77,17 @@ def read_c3d(path: Path, layout_path: Path) -> PlatformRecording:
     document = read_toml(layout_path)
     if "c3d" not in document:
         raise UserError(f"{layout_path}: has no table [c3d], the layout of markers and channels")
+    check_sizes(document["c3d"], LARGEST_SETTING, f"{layout_path}: c3d")
     layout = checked(document["c3d"], C3dLayout, f"{layout_path}: c3d")
     settings = settings_of({key: value for key, value in document.items() if key != "c3d"}, str(layout_path))
     _check_layout(layout, settings, str(layout_path))
-    file = _opened(path)
-    motion = [_poses(path, file, layout.plate_markers, layout)]
+    points, analogs = read_contents(path)
+    motion = [_poses(path, points, layout.plate_markers, layout)]
     if settings.foot.present:
-        motion.append(_poses(path, file, layout.foot_markers, layout))
+        motion.append(_poses(path, points, layout.foot_markers, layout))
     columns = (*PLATE_COLUMNS, *FOOT_COLUMNS) if settings.foot.present else PLATE_COLUMNS
-    wrench = _wrench(path, file, layout)
-    motion_s, force_s = (
-        np.arange(count) / _number(path, file, group, "RATE")
-        for group, count in (("POINT", len(motion[0])), ("ANALOG", len(wrench)))
-    )
+    wrench = _wrench(path, analogs, layout)
+    motion_s, force_s = _times_s(path, points, "POINT"), _times_s(path, analogs, "ANALOG")
     return PlatformRecording.from_streams(
         settings,
         Stream(str(path), columns, motion_s, np.hstack(motion)),
@@ -112,51 +113,46 @@ def pose_of_markers(seen_m: FloatArray, places_m: FloatArray) -> tuple[FloatArra
     return p_IB, R
 
 
-def _opened(path: Path) -> Any:
-    needs("a C3D file", "ezc3d")
-    import ezc3d
-
-    if not path.is_file():
-        raise UserError(f"{path}: no such file")
-    try:
-        return ezc3d.c3d(str(path))
-    except (OSError, RuntimeError, ValueError) as error:
-        raise UserError(f"{path}: not a C3D file ({error})") from error
-
-
-def _poses(path: Path, file: Any, markers: Mapping[str, Triple], layout: C3dLayout) -> FloatArray:
-    labels = [label.strip() for label in _words(path, file, "POINT", "LABELS")]
-    unit = _words(path, file, "POINT", "UNITS")[0].strip()
+def _poses(path: Path, points: Channels, markers: Mapping[str, Triple], layout: C3dLayout) -> FloatArray:
+    unit = points.units[0] if points.units else ""
     if unit not in _LENGTHS_M:
         raise UserError(f"{path}: POINT:UNITS is {unit!r}, allowed {', '.join(_LENGTHS_M)}")
-    places = _places(path, labels, markers, "marker")
-    points = np.asarray(file["data"]["points"])[:3][:, places].transpose(2, 1, 0) * _LENGTHS_M[unit]
-    seen_I = (points - np.array(layout.joint_in_lab_m)) @ _rotation(layout.lab_axes).T
+    places = _places(path, points, markers, "marker")
+    seen_lab = points.values[:, places].transpose(2, 1, 0) * _LENGTHS_M[unit]
+    seen_I = (seen_lab - np.array(layout.joint_in_lab_m)) @ _rotation(layout.lab_axes).T
     p_m, R = pose_of_markers(seen_I, np.array(list(markers.values())))
     return np.hstack((p_m, geometry.euler_of(R)))
 
 
-def _wrench(path: Path, file: Any, layout: C3dLayout) -> FloatArray:
-    labels = [label.strip() for label in _words(path, file, "ANALOG", "LABELS")]
-    places = _places(path, labels, layout.channels, "channel")
-    units = [unit.strip() for unit in _words(path, file, "ANALOG", "UNITS")]
-    channels = np.asarray(file["data"]["analogs"])[0][places].T.copy()
+def _wrench(path: Path, analogs: Channels, layout: C3dLayout) -> FloatArray:
+    places = _places(path, analogs, layout.channels, "channel")
+    channels = analogs.values[0][places].T.copy()
     for column, place in enumerate(places):
         allowed = {"N": 1.0} if column < 3 else _MOMENTS_NM
-        unit = units[place] if place < len(units) else ""
+        unit = analogs.units[place] if place < len(analogs.units) else ""
         if unit not in allowed:
-            raise UserError(f"{path}: channel {labels[place]} is in {unit!r}, allowed {', '.join(allowed)}")
+            raise UserError(f"{path}: channel {analogs.labels[place]} is in {unit!r}, allowed {', '.join(allowed)}")
         channels[:, column] *= allowed[unit]
     X = wrench_transform(_rotation(layout.sensor_axes), np.array(layout.sensor_in_plate_m))
     wrench: FloatArray = (-1.0 if layout.reaction else 1.0) * channels @ X.T
     return wrench
 
 
-def _places(path: Path, labels: list[str], wanted: Mapping[str, Triple] | tuple[str, ...], what: str) -> list[int]:
+def _places(path: Path, channels: Channels, wanted: Mapping[str, Triple] | tuple[str, ...], what: str) -> list[int]:
+    labels = channels.labels[: channels.values.shape[1]]
     for name in wanted:
         if name not in labels:
-            raise UserError(f"{path}: {what} {name} is missing; it holds {', '.join(labels)}")
+            raise UserError(f"{path}: {what} {name} is missing; it holds {', '.join(labels) or 'none'}")
     return [labels.index(name) for name in wanted]
+
+
+def _times_s(path: Path, channels: Channels, group: str) -> FloatArray:
+    rate_hz = channels.rate_hz
+    if rate_hz is None:
+        raise UserError(f"{path}: has no {group}:RATE")
+    if not (math.isfinite(rate_hz) and rate_hz > 0.0):
+        raise UserError(f"{path}: {group}:RATE is {rate_hz:g}, allowed above 0 Hz")
+    return np.arange(channels.values.shape[2]) / rate_hz
 
 
 def _check_layout(layout: C3dLayout, settings: PlatformSettings, where: str) -> None:
@@ -173,20 +169,3 @@ def _check_layout(layout: C3dLayout, settings: PlatformSettings, where: str) -> 
 def _rotation(axes: Axes) -> FloatArray:
     """Return the matrix (3, 3) that takes vectors of the old axes to the new ones, which lie along `axes`."""
     return np.array([_AXES[name] for name in axes], dtype=np.float64)
-
-
-def _words(path: Path, file: Any, group: str, name: str) -> list[str]:
-    try:
-        words: list[str] = file["parameters"][group][name]["value"]
-    except KeyError as error:
-        raise UserError(f"{path}: has no {group}:{name}") from error
-    if not words:
-        raise UserError(f"{path}: {group}:{name} is empty")
-    return words
-
-
-def _number(path: Path, file: Any, group: str, name: str) -> float:
-    try:
-        return float(file["parameters"][group][name]["value"][0])
-    except (KeyError, IndexError) as error:
-        raise UserError(f"{path}: has no {group}:{name}") from error

@@ -19,6 +19,8 @@ _STAMP_TOLERANCE: Final = 0.3
 """Of a sample period: how far a stamp may lie off the grid."""
 _MOST_MISSING: Final = 0.5
 LEAST_S: Final = 1.0
+_LEAST_ROWS: Final = 20
+_LARGEST: Final = 1e12
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,11 @@ def on_grid(stream: Stream, rate_hz: float, setting: str) -> tuple[Stream, tuple
     where more than half of the samples are missing.
     """
     t_s, where = stream.t_s, stream.where
+    if len(t_s) < _LEAST_ROWS:
+        raise UserError(f"{where}: holds {len(t_s)} samples, allowed {_LEAST_ROWS} or more")
     if not np.isfinite(t_s).all():
         raise UserError(f"{where}: row {_row(~np.isfinite(t_s))}: t_s is not a number")
+    _check_size(where, ("t_s", *stream.columns), np.column_stack((t_s, stream.values)))
     steps_s = np.diff(t_s)
     if not (steps_s > 0.0).all():
         raise UserError(f"{where}: row {_row(steps_s <= 0.0) + 1}: t_s does not increase")
@@ -54,6 +59,7 @@ def on_grid(stream: Stream, rate_hz: float, setting: str) -> tuple[Stream, tuple
     if abs(median_hz / rate_hz - 1.0) > 0.5 * _STAMP_TOLERANCE:
         raise UserError(f"{where}: its stamps run at {median_hz:.5g} Hz, {setting} is {rate_hz:g}: unequal rates")
     index = np.concatenate(([0], np.cumsum(np.rint(steps_s * rate_hz)))).astype(np.int64)
+    _check_missing(where, 1.0 - len(t_s) / float(index[-1] + 1))
     if len(np.unique(index)) < len(index):
         raise UserError(
             f"{where}: row {_row(np.diff(index) == 0) + 1}: t_s is less than half a sample after the row before"
@@ -102,11 +108,7 @@ def _missing(grid: Stream, index: np.ndarray[tuple[int], np.dtype[np.int64]]) ->
     absent = np.ones(len(grid.t_s), dtype=bool)
     absent[index] = False
     bad = ~np.isfinite(grid.values)
-    share = float(bad.any(axis=1).mean())
-    if share > _MOST_MISSING:
-        raise UserError(
-            f"{grid.where}: {100.0 * share:.0f} % of the samples are missing, allowed {100.0 * _MOST_MISSING:.0f} %"
-        )
+    _check_missing(grid.where, float(bad.any(axis=1).mean()))
     notes = []
     if absent.any():
         runs = _runs(absent)
@@ -122,6 +124,23 @@ def _missing(grid: Stream, index: np.ndarray[tuple[int], np.dtype[np.int64]]) ->
                 f"{grid.where}: {name} is NaN in {_count(int(column.sum()), 'row')}, first at {first_s:.3f} s: left out"
             )
     return tuple(notes)
+
+
+def _check_size(where: str, columns: tuple[str, ...], values: FloatArray) -> None:
+    """Refuse what is no quantity of a laboratory and whose square overflows."""
+    too_large = np.isfinite(values) & (np.abs(values) > _LARGEST)
+    if too_large.any():
+        row, column = np.argwhere(too_large)[0]
+        raise UserError(
+            f"{where}: row {row + 2}: {columns[column]} is {values[row, column]:.3g}, allowed up to {_LARGEST:g}"
+        )
+
+
+def _check_missing(where: str, share: float) -> None:
+    if share > _MOST_MISSING:
+        raise UserError(
+            f"{where}: {100.0 * share:.0f} % of the samples are missing, allowed {100.0 * _MOST_MISSING:.0f} %"
+        )
 
 
 def _runs(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:

@@ -2,28 +2,16 @@
 
 import csv
 import os
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from messages.errors import UserError
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from messages.text_files import parse_toml, read_text
 
 
 def read_toml(path: Path) -> dict[str, object]:
     """Return what a TOML file holds; raises UserError with one line."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path}: not UTF-8 text (byte {error.start})") from error
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{path}: {error}") from error
+    return parse_toml(read_text(path), str(path))
 
 
 def write_toml(path: Path, document: Mapping[str, object], heading: str = "") -> None:

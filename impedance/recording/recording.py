@@ -22,10 +22,16 @@ from impedance.recording.table import read_columns, write_columns
 from messages.arrays import FloatArray
 from messages.checked import checked
 from messages.errors import UserError
+from messages.text_files import check_sizes
 
 SETTINGS_FILE: Final = "platform.toml"
 MOTION_FILE: Final = "motion.csv"
 FORCE_FILE: Final = "force_plate.csv"
+
+LARGEST_SETTING: Final = 1e6
+"""No length, mass, rate or force of a platform is beyond it, in SI units."""
+
+_LEAST_FOOT_M: Final = 0.001
 
 _POSE: Final = ("x_m", "y_m", "z_m", "psi_rad", "theta_rad", "phi_rad")
 PLATE_COLUMNS: Final = tuple(f"plate_{name}" for name in _POSE)
@@ -226,11 +232,17 @@ class PlatformRecording:
 
 def settings_of(document: Mapping[str, object], where: str) -> PlatformSettings:
     """Return the settings of a parsed `platform.toml` without `[truth]`; raises UserError beginning with `where`."""
-    settings = checked({key: value for key, value in document.items() if key != "truth"}, PlatformSettings, where)
+    told = {key: value for key, value in document.items() if key != "truth"}
+    check_sizes(told, LARGEST_SETTING, where)
+    settings = checked(told, PlatformSettings, where)
     inertia = settings.plate.inertia
     if inertia is not None and not inertia.is_consistent:
         raise UserError(
             f"{where}: plate.inertia_kgm2: no rigid body has it (each moment at most the sum of the others)"
+        )
+    if settings.foot.present and np.linalg.norm(settings.foot.origin_in_plate_m) < _LEAST_FOOT_M:
+        raise UserError(
+            f"{where}: foot.origin_in_plate_m is at P's origin, allowed {_LEAST_FOOT_M:g} m from it or more"
         )
     if settings.tare.at_rest and any((*settings.tare.force_n, *settings.tare.moment_nm)):
         raise UserError(f"{where}: tare.at_rest is true, so tare.force_n and tare.moment_nm must be left out")

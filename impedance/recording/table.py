@@ -31,7 +31,7 @@ def read_columns(path: Path, columns: Sequence[str]) -> FloatArray:
     if len(rows) < 2:
         raise UserError(f"{path}: holds {len(rows)} rows below its header, at least 2 are needed")
     try:
-        values = np.loadtxt([_with_nan(row) for row in rows], delimiter=",", ndmin=2)
+        values = np.loadtxt([_with_nan(row) for row in rows], delimiter=",", ndmin=2, comments=None)
     except ValueError:
         values = np.empty((0, 0))
     if values.shape != (len(rows), len(header)):

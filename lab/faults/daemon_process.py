@@ -17,6 +17,7 @@ from pathlib import Path
 import msgspec
 
 from calib.files import format_calibration
+from calib.seal import sealed
 from daemon.config import Configuration, format_configuration
 from daemon.pipeline import Pipeline
 from daemon.publish_can import CanPublisher
@@ -196,7 +197,7 @@ def _service(plan: DaemonPlan, hardware: FaultyHardware, calibration: Calibratio
         info = RecordingInfo(
             device=DEVICE,
             source=Source.SIMULATED,
-            calibration_text=format_calibration(calibration),
+            calibration_text=sealed(format_calibration(calibration)),
             configuration_text=format_configuration(configuration),
         )
         recorder = Recorder(plan.record, info)

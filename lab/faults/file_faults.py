@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.files import format_calibration
+from calib.seal import sealed
 from daemon.config import Configuration, format_configuration
 from daemon.recorder import Recorder, RecordingInfo
 from drivers.can.settings import CanSettings
@@ -28,15 +29,20 @@ def _files(folder: Path, calibration: str, configuration: str) -> list[str]:
 
 
 def _calibration_text(plan: DaemonPlan) -> str:
-    return format_calibration(plan.calibration or plan.wearer().calibration)
+    return sealed(format_calibration(plan.calibration or plan.wearer().calibration))
+
+
+def _damaged_calibration(plan: DaemonPlan, folder: Path) -> list[str]:
+    text = _calibration_text(plan).replace("height_px: 7", "height_px: 8", 1)
+    return _files(folder, text, format_configuration(Configuration()))
 
 
 def _broken_calibration(plan: DaemonPlan, folder: Path) -> list[str]:
-    return _files(folder, _calibration_text(plan)[:400] + "\n  - : [", format_configuration(Configuration()))
+    return _files(folder, sealed(_calibration_text(plan)[:400] + "\n  - : ["), format_configuration(Configuration()))
 
 
 def _impossible_calibration(plan: DaemonPlan, folder: Path) -> list[str]:
-    text = _calibration_text(plan).replace("fx_px: ", "fx_px: -", 1)
+    text = sealed(_calibration_text(plan).replace("fx_px: ", "fx_px: -", 1))
     return _files(folder, text, format_configuration(Configuration()))
 
 
@@ -124,6 +130,7 @@ def _plausible(name: str, how: str, act: Restart) -> Fault:
 
 
 FILE_FAULTS = (
+    _command("file-calibration-damaged", "one digit of the calibration has changed", Command(_damaged_calibration)),
     _command("file-calibration-broken", "the calibration is not valid YAML", Command(_broken_calibration)),
     _command(
         "file-calibration-impossible", "the calibration has a negative focal length", Command(_impossible_calibration)
@@ -134,7 +141,7 @@ FILE_FAULTS = (
     _command(
         "file-recording-truncated",
         "a replay of a recording that ends after three fifths of its bytes",
-        Command(_truncated_recording, codes=(0,)),
+        Command(_truncated_recording, codes=(3,)),
     ),
     Fault(
         name="zenoh-port-taken",

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from calib.files import CalibrationError, load_calibration, parse_calibration, save_calibration
 from calib.nominal import NOMINAL_RESIDUAL, uncalibrated_unit
 from calib.zed_conf import ZED_MODES, load_zed_conf, with_factory_pair
-from messages import StereoCalibration
+from messages import StereoCalibration, UserError
 from messages.arrays import FloatArray
 from perception.depth.rectify import Rectifier
 from tests.bench.data_folder import shared_data
@@ -148,7 +148,7 @@ def test_lenses_without_distortion_are_refused(tmp_path: Path) -> None:
 
 def test_modes_and_missing_files_are_told(tmp_path: Path) -> None:
     assert refusal(tmp_path, sections(), "4K") == "mode is '4K', allowed 2K, FHD, HD, VGA"
-    with pytest.raises(CalibrationError, match=r"nowhere\.conf: No such file"):
+    with pytest.raises(UserError, match=r"nowhere\.conf: No such file"):
         load_zed_conf(tmp_path / "nowhere.conf", "HD")
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from calib.files import load_calibration, save_calibration
+from calib.files import format_calibration, load_calibration, save_calibration
 from cli.main import app
 from messages import UserError
 from sim_rig.camera.depth_unit import draw_depth_unit
@@ -41,6 +41,18 @@ def test_a_known_unit_gets_the_pair_and_keeps_the_rest(tmp_path: Path) -> None:
     made = load_calibration(path)
     assert made.imu == known.imu
     assert made.camera.lens.fx_px == sections()["LEFT_CAM_HD"]["fx"]
+
+
+def test_a_file_edited_by_hand_is_shown_and_sealed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, facts = tmp_path / "unit.yaml", tmp_path / "facts.json"
+    calibration = draw_depth_unit(1, perfect_calibration=True)[1]
+    path.write_text(format_calibration(calibration), encoding="utf-8")
+    with pytest.raises(UserError, match="has no seal"):
+        load_calibration(path)
+    app(["calibrate", "seal", str(path), "--json", str(facts)], standalone_mode=False)
+    assert load_calibration(path) == calibration
+    assert json.loads(facts.read_bytes())["id"] == calibration.id
+    assert "Compare these values with what was meant" in capsys.readouterr().out
 
 
 def test_a_depth_cameras_file_is_refused(tmp_path: Path) -> None:

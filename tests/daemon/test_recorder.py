@@ -3,6 +3,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jsonschema  # type: ignore[import-untyped]  # it comes without types
@@ -13,8 +14,10 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from daemon.recorder import Recorder, RecordingError
-from daemon.recording_file import viewer_schema
+from daemon.recording_file import entries_of, viewer_schema
+from daemon.recording_ring import RecordingRing
 from drivers.camera.frame_pool import FramePool
+from drivers.protocols import DeviceError
 from drivers.recording.recording import IMAGE_CHANNELS, McapRecording
 from messages import (
     TOPICS,
@@ -25,6 +28,7 @@ from messages import (
     Load,
     LoadLevel,
     Reconfigured,
+    RecordingState,
     StereoFrame,
     Tick,
 )
@@ -206,6 +210,90 @@ def test_a_failure_is_kept_as_state_and_later_messages_are_counted(
     assert recorder.failed == f"recording {tmp_path / 'gone.mcap'} stopped: No space left on device"
     assert recorder.dropped_by_kind == {"frame": 9}
     assert [entry.message for entry in caplog.records] == [recorder.failed]
+
+
+def test_a_reserve_of_free_space_is_left_and_the_recording_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The disk's figures are made up: it fills by itself after five looks at it."""
+    free_bytes = iter([3000] * 5 + [999] * 99)
+
+    def filling(_file: int) -> SimpleNamespace:
+        return SimpleNamespace(f_bavail=next(free_bytes), f_frsize=1)
+
+    monkeypatch.setattr("daemon.recording_file.os.fstatvfs", filling)
+    path = tmp_path / "filling.mcap"
+    recorder = Recorder(path, INFO, reserve_bytes=1000)
+    before = recorder.state
+    with caplog.at_level(logging.ERROR, logger="gaiteyes"):
+        for k in range(12):
+            recorder.offer(frame(k, k))
+            recorder.drain(timeout_s=0.0)
+        recorder.close()
+    assert recorder.failed == f"recording {path} stopped: only 0.001 MB are left on its disk"
+    assert (before, recorder.state) == (RecordingState.RECORDING, RecordingState.DISK_FULL)
+    assert [entry.message for entry in caplog.records] == [recorder.failed]
+    recording = McapRecording(path)
+    assert len(list(recording.inputs())) + recorder.dropped == 12
+    assert recorder.dropped_by_kind == {"frame": 7}
+    assert recording.damage is None
+
+
+def test_no_recording_begins_below_the_reserve(tmp_path: Path) -> None:
+    path = tmp_path / "walk.mcap"
+    with pytest.raises(RecordingError) as refused:
+        Recorder(path, INFO, reserve_bytes=10**18)
+    assert str(refused.value) == f"{path}: cannot record here: less than 1e+12 MB are free on its disk"
+    assert not path.exists()
+
+
+def test_outputs_alone_hold_no_input_and_say_so(tmp_path: Path) -> None:
+    path = tmp_path / "outputs.mcap"
+    messages = walk(1.0)
+    recorder = Recorder(path, INFO, outputs_only=True)
+    for message in messages:
+        recorder.offer(message)
+        recorder.drain(timeout_s=0.0)
+    recorder.close()
+    assert recorder.dropped == 0
+    found = read_by_others(path)
+    assert {topic for topic, _, _ in found} == {"attitude", "ground", "truth"}
+    assert len(found) == len(messages) - len(inputs_of(messages))
+    assert [log_time for _, log_time, _ in found] == sorted(log_time for _, log_time, _ in found)
+    assert found[0][1] >= 10**9
+    with pytest.raises(DeviceError, match="holds outputs only, recorded without inputs: nothing to replay"):
+        list(McapRecording(path).inputs())
+
+
+@pytest.mark.parametrize("pictures", ["noise", "floor"])
+def test_a_ring_gives_back_every_byte(pictures: str) -> None:
+    rng = np.random.default_rng(1)
+    made = [frame(k, k * 50_000_000, 320, 200) for k in range(20)]
+    if pictures == "floor":
+        even = (np.add.outer(np.arange(200), np.arange(320)) // 4).astype(np.uint8)
+        made = [
+            StereoFrame(header=shot.header, left=even + rng.integers(0, 3, even.shape, np.uint8), right=even)
+            for shot in made
+        ]
+    ring = RecordingRing(60.0, 10**8)
+    entries = [entries_of(shot, shot.header.t_arrival_ns) for shot in made]
+    for each in entries:
+        ring.append(StereoFrame, each)
+    kept_bytes, whole_bytes = ring._bytes, sum(len(entry.data) for each in entries for entry in each)
+    assert [each for _, each in ring.emptied()] == entries
+    assert ring.span_s == pytest.approx(0.95)
+    assert kept_bytes <= whole_bytes
+    assert (kept_bytes < 0.5 * whole_bytes) == (pictures == "floor")
+
+
+def test_a_ring_that_cannot_hold_its_seconds_says_so_once(caplog: pytest.LogCaptureFixture) -> None:
+    ring = RecordingRing(60.0, 1 << 20)
+    with caplog.at_level(logging.WARNING, logger="gaiteyes"):
+        for k in range(30):
+            ring.append(StereoFrame, entries_of(frame(k, k * 50_000_000, 320, 200), k * 50_000_000))
+    (said,) = [entry.message for entry in caplog.records]
+    assert said.startswith("the newest 60 s of these pictures take more than 1 MB: the recording keeps the newest 0.")
+    assert ring.span_s < 0.6
 
 
 # What a viewer needs

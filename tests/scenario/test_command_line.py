@@ -52,6 +52,38 @@ def test_the_demo_sees_the_ground_and_says_so(walk: Path) -> None:
     assert ground["height_rms_mm"] < 15.0
 
 
+@pytest.mark.long
+@pytest.mark.realtime
+def test_a_recording_that_stops_early_is_told_by_the_exit_code(tmp_path: Path) -> None:
+    """The file may not grow beyond 45 MB, as on a disk that fills."""
+    limited = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (45_000_000,) * 2); import cli.main; "
+    command = ["demo", "--seconds", "8", "--scenario", "level", "--zenoh", free_endpoint(), "--can", "virtual:test"]
+    path = tmp_path / "walk.mcap"
+    done = subprocess.run(
+        [sys.executable, "-c", limited + "cli.main.main()", *command, "--record", str(path)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 3, done.stderr
+    assert f"recording {path} stopped: File too large" in done.stdout
+    assert len(McapRecording(path).truth()) > 2
+
+
+@pytest.mark.long
+@pytest.mark.realtime
+def test_outputs_alone_are_recorded_without_a_picture(tmp_path: Path) -> None:
+    path = tmp_path / "outputs.mcap"
+    done = gaiteyes(
+        "demo", "--seconds", 4, "--scenario", "level", "--zenoh", free_endpoint(), "--can", "virtual:test",
+        "--record", path, "--outputs-only",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert path.stat().st_size < 1_000_000
+    assert gaiteyes("replay", path).stderr.endswith("holds outputs only, recorded without inputs: nothing to replay\n")
+
+
 def lines_of(path: Path) -> list[dict[str, object]]:
     return [json.loads(line) for line in path.read_bytes().splitlines()]
 
@@ -81,7 +113,7 @@ def test_a_recording_cut_in_the_middle_replays_up_to_the_damage(walk: Path, tmp_
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: len(whole) // 2])
     done = gaiteyes("replay", cut, "--out", tmp_path / "cut.jsonl", "--json", tmp_path / "cut.json")
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 3, done.stderr
     assert str(cut) in json.loads((tmp_path / "cut.json").read_bytes())["damage"]
     assert "damage" in done.stdout
     assert len(lines_of(tmp_path / "cut.jsonl")) > 100
@@ -121,6 +153,7 @@ def test_interrupting_ends_cleanly_and_keeps_the_recording(tmp_path: Path) -> No
         (["demo", "--json", "/nowhere/facts.json"], "/nowhere/facts.json: its folder does not exist"),
         (["run", "--config", "nowhere.toml"], "nowhere.toml: No such file"),
         (["evaluate", "rig", "--seeds", "a"], "--seeds a: expected"),
+        (["run", "--outputs-only"], "--last and --outputs-only choose a part of what --record FILE records"),
         (["run", "--nonsense"], "No such option: --nonsense"),
         (["demo", "--seconds", "soon"], "'--seconds'"),
     ],
@@ -130,6 +163,13 @@ def test_a_mistake_is_one_clear_line(arguments: list[str], line: str) -> None:
     assert done.returncode == 2
     assert line in done.stderr
     assert done.stderr.strip().count("\n") == 0
+
+
+@pytest.mark.long
+def test_a_mistyped_recording_is_one_clear_line_and_closes_what_was_open(tmp_path: Path) -> None:
+    done = gaiteyes("demo", "--zenoh", free_endpoint(), "--record", tmp_path / "nowhere" / "walk.mcap")
+    assert done.returncode == 2
+    assert done.stderr == f"gaiteyes: {tmp_path}/nowhere/walk.mcap: cannot record here: No such file or directory\n"
 
 
 @pytest.mark.long
