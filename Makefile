@@ -50,7 +50,7 @@ test-processors: $(INSTALLED)
 test-kernel: $(INSTALLED)
 	$(BIN)/python -m tests.kernel $(ARGS)
 
-# Damaged input for every decoder, counted; about a quarter of an hour on an idle machine. INPUTS=, or ARGS="--only C3D".
+# Damaged input for every decoder, counted; half an hour. INPUTS=, or ARGS="--only C3D".
 fuzz: $(INSTALLED)
 	$(ONE_THREAD) $(BIN)/python -m tests.fuzz --inputs $(INPUTS) $(ARGS)
 
