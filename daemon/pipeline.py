@@ -196,6 +196,7 @@ class Pipeline:
             placed.w_WB_B,
             placed.rotation_cov_W,
             height_rate_mps=placed.vertical_swing_mps,
+            v_W_mps=placed.v_W_mps,
             distance_scale=self._attitude.distance_scale,
             reduced=self._load is Load.REDUCED,
         )

@@ -52,6 +52,7 @@ class Reason(str, enum.Enum):
     EYES_MISALIGNED = "eyes_misaligned"  # one eye sees everything higher, or larger, than its calibration says
     CAMERA_SLIPPED = "camera_slipped"  # the camera has turned on its mount: calibrate it to the IMU
     DISTANCES_WRONG = "distances_wrong"  # what is seen moves more, or less, than the IMU measures: calibrate the eyes
+    VIEW_DEFORMED = "view_deformed"  # something before a lens moves part of its picture: clean the window
 
     @property
     def status(self) -> Status:

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable
 
-from lab.faults import image_changes
+import numpy as np
+
+from lab.faults import deformed_view, image_changes
 from lab.faults.camera_faults import contradiction, missing, other
 from lab.faults.fault import Expect, HardwareAction
 from lab.faults.faulty_camera import ImageChange
@@ -108,6 +110,38 @@ IMAGE_FAULTS = (
         "images",
     ),
     contradiction(
+        "cam-drop",
+        "a drop on the left lens moves part of the picture by up to 2 px",
+        _changing(lambda: deformed_view.warped(deformed_view.drop(np.random.default_rng(14)).of_size(2.0), left=True)),
+        "images",
+    ),
+    contradiction(
+        "cam-window-bent",
+        "the window before the right lens is bent: parts of the picture are moved by up to 1 px",
+        _changing(lambda: deformed_view.warped(deformed_view.bent(np.random.default_rng(14)).of_size(1.0), left=False)),
+        "images",
+    ),
+    other(
+        "cam-half-covered",
+        "a cloth hides the left half of the right image",
+        _changing(lambda: deformed_view.covered("left", left=False)),
+        Expect.HONEST,
+        "the rest of the foothold region may suffice",
+        "images",
+    ),
+    contradiction(
+        "cam-mirrored",
+        "both images are mirrored, and the eyes exchanged, in mid-walk",
+        _changing(lambda: deformed_view.mirrored),
+        "images",
+    ),
+    contradiction(
+        "cam-upside-down",
+        "both images turn upside down in mid-walk",
+        _changing(lambda: deformed_view.upside_down),
+        "images",
+    ),
+    contradiction(
         "cam-turned-15",
         "the camera is rolled by 15° on its mount",
         _changing(lambda: image_changes.turned(0.0, 15.0)),
@@ -128,6 +162,15 @@ IMAGE_FAULTS = (
         _changing(lambda: image_changes.right_shifted(0, 4)),
         Expect.UNDETECTABLE,
         "a toe-in looks like ground that is nearer or farther: only a known height would show it",
+        "",
+        6.0,
+    ),
+    other(
+        "cam-window-stretched",
+        "a window bent about the vertical makes the right image wider, by 2 px on either side of the foothold",
+        _changing(lambda: deformed_view.warped(deformed_view.stretched(2.0), left=False)),
+        Expect.UNDETECTABLE,
+        "it moves the image along the rows alone and evenly, as ground does that rises to one side",
         "",
         6.0,
     ),

@@ -8,6 +8,7 @@ import numpy as np
 from messages import DepthCalibration, Image
 from messages.arrays import FloatArray
 from perception.depth.disparity import DisparityPatch
+from perception.depth.eye_shifts import EyeShifts
 from perception.depth.rectify import Window, intrinsics, undistorted_rays
 from perception.depth.repeats import NO_REPEATS, Repeats
 
@@ -57,3 +58,15 @@ class DepthCamera:
     ) -> Repeats:
         """Return that a plane has no rivals: depth is what this camera delivers, and no match."""
         return NO_REPEATS
+
+    def find_shifts(
+        self,
+        images: Sequence[Image],  # noqa: ARG002 - see DisparityCamera
+        patch: DisparityPatch,  # noqa: ARG002
+        points_C: FloatArray,  # noqa: ARG002
+        theta_C: FloatArray,  # noqa: ARG002
+        w_C_radps: FloatArray,  # noqa: ARG002
+        v_C_mps: FloatArray,  # noqa: ARG002
+    ) -> EyeShifts | None:
+        """Return None: there is one picture."""
+        return None

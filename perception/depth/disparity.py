@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from messages import Image
 from messages.arrays import FloatArray
+from perception.depth.eye_shifts import EyeShifts
 from perception.depth.repeats import Repeats
 
 
@@ -78,4 +79,19 @@ class DisparityCamera(Protocol):
         """Return the planes that match as well as d = r · `theta_C` (3,), px, because the ground there repeats itself.
 
         `points_C` (N, 3), before the camera, are the corners of the region that is asked about.
+        """
+
+    def find_shifts(
+        self,
+        images: Sequence[Image],
+        patch: DisparityPatch,
+        points_C: FloatArray,
+        theta_C: FloatArray,
+        w_C_radps: FloatArray,
+        v_C_mps: FloatArray,
+    ) -> EyeShifts | None:
+        """Return how one eye is shifted against the other where a `patch` that was found shows `points_C` (N, 3).
+
+        The plane there is d = r · `theta_C`, px; the camera turns by `w_C_radps` (3,) and moves by `v_C_mps` (3,). None
+        without two eyes that see it.
         """

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from messages import Lens, StereoCalibration
 from messages.arrays import Float32Array, FloatArray, GreyImage
@@ -82,6 +83,7 @@ class Rectifier:
         raw_row = divisor * (self.left_maps[1] + 0.5) - 0.5
         self.row_time_s: Float32Array = ((raw_row - middle_row) * stereo.row_time_s).astype(np.float32)
         """(height_px, width_px): when each rectified left pixel was exposed, relative to mid-exposure."""
+        self._reduced_row_time_s = divisor * stereo.row_time_s
         v, u = np.mgrid[: self.height_px, : self.width_px]
         self._rays_C: FloatArray = np.stack(
             ((u - self.cx_px) / self.f_px, (v - self.cy_px) / self.f_px, np.ones(u.shape)), axis=-1
@@ -90,6 +92,34 @@ class Rectifier:
     def rays_C(self, window: Window) -> FloatArray:
         """Return (rows, columns, 3): rays through the window's pixel centres with z = 1, in C."""
         return self._rays_C[window.rows, window.columns]
+
+    def on_plane(self, u_px: NDArray[np.number], v_px: NDArray[np.number], theta_C: FloatArray) -> FloatArray:
+        """Return d = r · `theta_C` of the rays r through rectified pixels (u, v)."""
+        by_u, by_v = theta_C[:2] / self.f_px
+        on_plane: FloatArray = by_u * (u_px - self.cx_px) + by_v * (v_px - self.cy_px) + theta_C[2]
+        return on_plane
+
+    def lag_s(self, u_px: NDArray[np.floating], v_px: NDArray[np.floating], disparity_px: FloatArray) -> FloatArray:
+        """Return by how much later the right eye's row exposed what the left one shows at rectified pixels (u, v)."""
+        row, column, other = (np.rint(pixels).astype(np.intp) for pixels in (v_px, u_px, u_px - disparity_px))
+        other = np.clip(other, 0, self.width_px - 1)
+        later: FloatArray = (self.right_maps[1][row, other] - self.left_maps[1][row, column]).astype(np.float64)
+        return self._reduced_row_time_s * later
+
+    def rectify_apart(
+        self, left: GreyImage, right: GreyImage, window: Window, disparities_px: tuple[int, int]
+    ) -> tuple[GreyImage, GreyImage]:
+        """Return the window of the rectified left eye and, of the right eye, the columns in which the same is seen.
+
+        They begin at that of the window's first column with the largest of the least and largest `disparities_px`.
+        """
+        least, largest = disparities_px
+        return (
+            _warp(_reduce(left, self.divisor), self.left_maps, window.rows, window.left, window.right),
+            _warp(
+                _reduce(right, self.divisor), self.right_maps, window.rows, window.left - largest, window.right - least
+            ),
+        )
 
     def rectify(
         self, left: GreyImage, right: GreyImage, window: Window, shift_px: int, *, every: int = 1

@@ -8,6 +8,7 @@ import numpy as np
 from messages import Image, StereoCalibration
 from messages.arrays import FloatArray, GreyImage
 from perception.depth.disparity import DisparityPatch, OutOfRangeError
+from perception.depth.eye_shifts import EyeShifts, find_shifts
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window
 from perception.depth.repeats import Repeats, find_repeats
@@ -43,6 +44,22 @@ class StereoCamera:
     def find_repeats(self, images: Sequence[Image], points_C: FloatArray, theta_C: FloatArray) -> Repeats:
         """Return the rivals of the plane d = r · `theta_C` where `points_C` are shown (see DisparityCamera)."""
         return find_repeats(self.rectifier, images, points_C, theta_C)
+
+    def find_shifts(
+        self,
+        images: Sequence[Image],
+        patch: DisparityPatch,
+        points_C: FloatArray,
+        theta_C: FloatArray,
+        w_C_radps: FloatArray,
+        v_C_mps: FloatArray,
+    ) -> EyeShifts | None:
+        """Return how the right eye is shifted against the left one (see DisparityCamera)."""
+        (x, y, _), (rows, columns) = patch.rays_C[0, 0].tolist(), patch.disparity_px.shape
+        top = round(self.rectifier.f_px * y + self.rectifier.cy_px)
+        left = round(self.rectifier.f_px * x + self.rectifier.cx_px)
+        window = Window(top, top + rows, left, left + columns)
+        return find_shifts(self.rectifier, images, window, patch.disparity_px, points_C, theta_C, w_C_radps, v_C_mps)
 
 
 def view_of(points_C: FloatArray, rectifier: Rectifier) -> tuple[Window, DisparityRange] | None:

@@ -6,11 +6,14 @@ import numpy as np
 
 from messages import Frame, GroundPlane, Reason, Status, StereoFrame, UnitCalibration, Vec3, upper_triangle
 from messages.arrays import FloatArray
+from perception import so3
+from perception.depth.deformation import SOUND
 from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeasurement, GroundMeter
 from perception.ground.plane import Plane
 from perception.ground.repetition import RepetitionWatch
 from perception.ground.tracking import PlaneTracker, TrackingSettings
+from perception.ground.view_check import ViewCheck
 from perception.heading import heading
 
 
@@ -24,9 +27,12 @@ class GroundEstimator:
         self._meter = GroundMeter(calibration.camera, calibration.residual)
         self._tracker = PlaneTracker(TrackingSettings())
         self._repetition = RepetitionWatch()
+        self._view = ViewCheck(self._meter)
+        self._tracks = False
         self._swap_watch = _SwapWatch()
         self.R_BC: FloatArray = np.array(calibration.X_BE.R) @ self._meter.camera.R_EC
         """Takes vectors of the rectified camera to B, (3, 3)."""
+        self._p_BC_m = np.array(calibration.X_BE.p_m)
 
     def set_foothold(self, foothold: FootholdSettings) -> None:
         """Measure another region from the next frame on."""
@@ -40,12 +46,14 @@ class GroundEstimator:
         rotation_cov_W_rad2: FloatArray,
         *,
         height_rate_mps: float = 0.0,
+        v_W_mps: Vec3 | None = None,
         distance_scale: float = 0.0,
         reduced: bool = False,
     ) -> GroundPlane:
         """Return the ground in H of `frame`, given the attitude, its covariance and the rate at mid-exposure.
 
         `height_rate_mps` is how fast the camera moves away from the ground: a walker's bob, not the climb of a ramp.
+        `v_W_mps` is the velocity of the IMU; without it nobody asks whether the view is deformed.
         `distance_scale` is by what share the camera's distances are too long.
         With `reduced` only the middle half of the region's width is matched.
         """
@@ -79,14 +87,30 @@ class GroundEstimator:
             suspected = isinstance(frame, StereoFrame) and self._swap_watch.suspects(measured.reason)
             swapped = suspected and measure(None, swapped=True).fit is not None
             return self._invalid(frame, self._swap_watch.verdict(measured.reason, swapped), measured.matched_share)
+        view = SOUND
+        if v_W_mps is not None:
+            v_C_mps = R_WC.T @ np.array(v_W_mps) + so3.skew(w_WC_C_radps) @ self.R_BC.T @ self._p_BC_m
+            view = self._view.check(
+                t_ns, frame.images, R_HC, region, measured, w_WC_C_radps, v_C_mps, settled=self._tracks
+            )
+        if view.contradicts:
+            return self._invalid(frame, Reason.VIEW_DEFORMED, measured.matched_share)
         attitude_cov_W = _of_slopes(rotation_cov_W_rad2)
         tracked = self._tracker.updated(
-            t_ns, measured.fit, measured.matched_share, R_WH, attitude_cov_W, may_begin=may_begin
+            t_ns,
+            measured.fit,
+            measured.matched_share,
+            R_WH,
+            attitude_cov_W,
+            may_begin=may_begin and not view.doubtful,
         )
+        if tracked is None and self._tracks:
+            self._view.begin_anew()
+        self._tracks = tracked is not None
         if tracked is None:
             return self._invalid(frame, Reason.NOT_PLANAR, measured.matched_share)
         plane, plane_cov = tracked
-        cov = _slope_cov(plane, plane_cov + measured.lasting_cov)
+        cov = _slope_cov(plane, plane_cov + measured.lasting_cov + self._view.covariance(plane, R_HC))
         cov[:2, :2] += _of_slopes(R_WH.T @ rotation_cov_W_rad2 @ R_WH) + self._mounting_cov(w_WB_B_radps)
         return GroundPlane(
             t_exposure_ns=t_ns,

@@ -9,7 +9,8 @@ from messages import DepthCalibration, Image, Reason, Residual, StereoCalibratio
 from messages.arrays import FloatArray
 from perception import so3
 from perception.depth.depth_camera import DepthCamera
-from perception.depth.disparity import DisparityCamera, OutOfRangeError
+from perception.depth.disparity import DisparityCamera, DisparityPatch, OutOfRangeError
+from perception.depth.eye_shifts import EyeShifts
 from perception.depth.repeats import NO_REPEATS, Repeats
 from perception.depth.stereo_camera import StereoCamera
 from perception.ground.foothold import FootholdSettings
@@ -22,13 +23,14 @@ class GroundMeasurement:
     """What one frame says of the ground. `fit` is in H, and None unless `reason` is NONE.
 
     `lasting_cov` (3, 3), of (a, b, h) like the fit's own covariance, is what averaging over frames cannot reduce:
-    the calibration's residual, and what the region holds besides the plane.
+    the calibration's residual, and what the region holds besides the plane. `patch` are the disparities about it.
     """
 
     reason: Reason
     matched_share: float
     fit: PlaneFit | None = None
     lasting_cov: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    patch: DisparityPatch | None = None
 
 
 class GroundMeter:
@@ -77,8 +79,8 @@ class GroundMeter:
             return GroundMeasurement(Reason.OUT_OF_RANGE, 0.0)
         if patch is None:
             return GroundMeasurement(Reason.FOOTHOLD_OUT_OF_VIEW, 0.0)
-        patch, stride = patch.thinned(self.most_pixels)
-        rays_C, disparity_px, row_time_s = patch.rays_C, patch.disparity_px, patch.row_time_s[..., None]
+        thin, stride = patch.thinned(self.most_pixels)
+        rays_C, disparity_px, row_time_s = thin.rays_C, thin.disparity_px, thin.row_time_s[..., None]
         # R_HC(t + τ) r ≈ R_HC (r + τ ω × r), and by (1) h(t + τ) = h + τ ḣ divides what a ray sees
         rays_H = rays_C @ R_HC.T + row_time_s * (rays_C @ (R_HC @ so3.skew(w_HC_C_radps)).T)
         rays_H /= 1.0 + row_time_s * (height_rate_mps / predicted.height_m)
@@ -100,7 +102,7 @@ class GroundMeter:
             return GroundMeasurement(Reason.TOO_STEEP, matched_share)
         misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
         lasting = relief_cov(fit, points_H, misfit_px, region) + self._residual_cov(fit.plane, R_HC)
-        return GroundMeasurement(Reason.NONE, matched_share, fit, lasting)
+        return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)
 
     def find_repeats(
         self, images: Sequence[Image], R_HC: FloatArray, region: FootholdSettings, plane: Plane
@@ -111,14 +113,41 @@ class GroundMeter:
             return NO_REPEATS
         return self.camera.find_repeats(images, corners_C, R_HC.T @ plane.theta(self._fitter.fB_px_m))
 
+    def find_shifts(
+        self,
+        images: Sequence[Image],
+        R_HC: FloatArray,
+        region: FootholdSettings,
+        measured: GroundMeasurement,
+        w_C_radps: FloatArray,
+        v_C_mps: FloatArray,
+    ) -> EyeShifts | None:
+        """Return how one eye is shifted against the other about the plane that was measured; None where unknown."""
+        if measured.fit is None or measured.patch is None:
+            return None
+        plane = measured.fit.plane
+        corners_C = region.footprint(plane, 0.0) @ R_HC
+        if corners_C[:, 2].min() < _LEAST_DEPTH_M:
+            return None
+        theta_C = R_HC.T @ plane.theta(self._fitter.fB_px_m)
+        return self.camera.find_shifts(images, measured.patch, corners_C, theta_C, w_C_radps, v_C_mps)
+
+    def offset_cov(self, plane: Plane, R_HC: FloatArray, theta_C: FloatArray) -> FloatArray:
+        """Return the covariance (3, 3) of (a, b, h) by independent errors of the disparities d = r · θ, in C.
+
+        Each row of `theta_C` (N, 3), px, is one standard deviation of one error.
+        """
+        moved = self._fitter.jacobian(plane.theta(self._fitter.fB_px_m)) @ R_HC @ theta_C.T
+        cov: FloatArray = moved @ moved.T
+        return cov
+
     def _residual_cov(self, plane: Plane, R_HC: FloatArray) -> FloatArray:
         """Return the covariance of (a, b, h) by a common offset of d, which moves θ of (1) along C's z.
 
         A toe-in ε gives an offset f ε; pixel locking gives another. A wrong scale of depth stretches h alone.
         """
         offset_px = np.hypot(self.camera.f_px * self._residual.toe_in_rad, self.locking_px)
-        moved = self._fitter.jacobian(plane.theta(self._fitter.fB_px_m)) @ (offset_px * R_HC[:, 2])
-        cov: FloatArray = np.outer(moved, moved)
+        cov = self.offset_cov(plane, R_HC, np.array([[0.0, 0.0, offset_px]]))
         cov[2, 2] += (plane.height_m * self.camera.scale_residual) ** 2
         return cov
 
