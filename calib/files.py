@@ -82,6 +82,7 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "residual.specific_force_mps2": (0.0, 1.0),
     "residual.scale": (0.0, 0.1),
     "residual.toe_in_rad": (0.0, 0.1),
+    "residual.rows_rad": (0.0, 0.01),
     "residual.camera_to_imu_rad": (0.0, 0.1),
     "residual.time_s": (0.0, 0.1),
 }

@@ -12,11 +12,12 @@ NOMINAL_RESIDUAL = Residual(
     specific_force_mps2=0.6,
     scale=0.03,
     toe_in_rad=float(np.deg2rad(0.05)),
+    rows_rad=3e-4,
     camera_to_imu_rad=float(np.deg2rad(3.0)),
     time_s=0.01,
 )
 """MPU-6050 datasheet (zero-g ±50 and ±80 mg, sensitivity ±3 %); mounting by eye; stamps by their usual delay. That the
-pair's optical axes have kept the maker's calibration to 0.05° is assumed."""
+pair's optical axes have kept the maker's calibration to 0.05°, and its rows to a fifth of a pixel, is assumed."""
 
 
 def uncalibrated_unit(unit: str, stereo: StereoCalibration) -> Calibration:

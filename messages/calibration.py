@@ -122,12 +122,14 @@ class ImuCalibration(msgspec.Struct, frozen=True, kw_only=True):
 class Residual(msgspec.Struct, frozen=True, kw_only=True):
     """One standard deviation of what the calibration leaves behind.
 
-    `toe_in_rad` is the angle between the optical axes of the pair, that inside a depth camera too.
+    `toe_in_rad` is the angle between the optical axes of the pair, that inside a depth camera too; `rows_rad` by how
+    much what lenses and rectification leave moves one eye's picture against the other's, here and there.
     """
 
     specific_force_mps2: NonNegative = 0.0
     scale: NonNegative = 0.0
     toe_in_rad: NonNegative = 0.0
+    rows_rad: NonNegative = 0.0
     camera_to_imu_rad: NonNegative = 0.0
     time_s: NonNegative = 0.0
 

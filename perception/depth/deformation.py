@@ -57,8 +57,10 @@ SOUND = Deformation(0.0, contradicts=False, doubtful=False)
 class DeformationWatch:
     """Averages the shifts of each tile of the picture over frames; for one unit."""
 
-    def __init__(self, settings: DeformationSettings | None = None) -> None:
+    def __init__(self, calibrated_px: float = 0.0, settings: DeformationSettings | None = None) -> None:
+        """`calibrated_px`, 1 σ, of a tile's shift is what the calibration leaves, and no deformation."""
         self._settings = settings or DeformationSettings()
+        self._calibrated_px = _FAR_SIGMAS * calibrated_px
         self._of_picture = (0, 0)
         self._up_down, self._newest, self._along = (_TileMeans(self._of_picture) for _ in range(3))
         self._frames = 0
@@ -102,12 +104,13 @@ class DeformationWatch:
         s = self._settings
         y_px, y_std_px = self._vertical(where, inner)
         x_px, x_std_px = self._lasting(where, inner)
-        far_px = float((np.abs(y_px) - s.sigmas * y_std_px).max())
-        along_px = float((np.abs(x_px) - s.sigmas * x_std_px).max())
+        far_px = float((np.abs(y_px) - s.sigmas * y_std_px).max()) - self._calibrated_px
+        along_px = float((np.abs(x_px) - s.sigmas * x_std_px).max()) - self._calibrated_px
         contradicts = far_px > s.contradicts_px or along_px > s.contradicts_along_px
         if self._verdict.contradicts and not contradicts:
             contradicts = self._frames < s.settled_frames or max(far_px, along_px) > s.settles_px
-        doubtful = float((np.abs(y_px) - s.doubtful_sigmas * y_std_px).max()) > s.doubtful_px
+        unlikely_px = float((np.abs(y_px) - s.doubtful_sigmas * y_std_px).max()) - self._calibrated_px
+        doubtful = unlikely_px > s.doubtful_px
         size_px = math.hypot(_beyond_chance(y_px, y_std_px), _beyond_chance(x_px, x_std_px))
         return Deformation(size_px, contradicts, contradicts or doubtful)
 
@@ -183,6 +186,8 @@ def _beyond_chance(values: FloatArray, deviations: FloatArray) -> float:
     return math.sqrt(max(0.0, float(np.mean(values * values - deviations * deviations))))
 
 
+_FAR_SIGMAS = 3.0
+"""Standard deviations that an error of the calibration may have."""
 _LEAST_AROUND = 6
 """Good tiles among a tile and its eight neighbours."""
 _TINY = 1e-9

@@ -132,6 +132,11 @@ class GroundMeter:
         theta_C = R_HC.T @ plane.theta(self._fitter.fB_px_m)
         return self.camera.find_shifts(images, measured.patch, corners_C, theta_C, w_C_radps, v_C_mps)
 
+    @property
+    def rows_px(self) -> float:
+        """Return by how much, 1 σ, the calibration leaves one eye's picture shifted here and there."""
+        return self.camera.f_px * self._residual.rows_rad
+
     def offset_cov(self, plane: Plane, R_HC: FloatArray, theta_C: FloatArray) -> FloatArray:
         """Return the covariance (3, 3) of (a, b, h) by independent errors of the disparities d = r · θ, in C.
 

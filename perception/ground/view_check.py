@@ -20,7 +20,7 @@ class ViewCheck:
 
     def __init__(self, meter: GroundMeter) -> None:
         self._meter = meter
-        self._watch = DeformationWatch()
+        self._watch = DeformationWatch(meter.rows_px)
         self._t_ns = 0
         self._asked = False
         self._shifts: EyeShifts | None = None

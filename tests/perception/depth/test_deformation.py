@@ -107,3 +107,9 @@ def test_about_an_edge_tiles_are_not_counted() -> None:
     for _ in range(30):
         found = watch.add(shown(chance, NOTHING, hidden, whole), 0.1)
     assert not found.contradicts
+
+
+def test_what_the_calibration_may_leave_is_no_deformation_until_it_is_more() -> None:
+    assert walked(DeformationWatch(), 60, y_px=0.4 * DROP).contradicts
+    assert not walked(DeformationWatch(calibrated_px=0.1), 60, y_px=0.4 * DROP).contradicts
+    assert walked(DeformationWatch(calibrated_px=0.1), 60, y_px=1.2 * DROP).contradicts
