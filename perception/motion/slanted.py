@@ -39,14 +39,16 @@ def _affine(x: FloatArray, y: FloatArray) -> FloatArray:
 
     What too few points do not tell is no shear.
     """
-    middle = x.mean(axis=0)
-    design, shift = np.column_stack(((x - middle) / _USUAL_PX, np.ones(len(x)))), y - x
-    weight = np.ones(len(x))
+    middle, shift = x.mean(axis=0), y - x
+    design = np.ones((len(x), 3))
+    design[:, :2] = (x - middle) / _USUAL_PX
+    weighted = design
     for _ in range(_ROUNDS):
-        weighted = design * weight[:, None]
-        by = np.linalg.solve(weighted.T @ design + _RIDGE * np.eye(3), weighted.T @ shift).T
-        misfit = np.hypot(*(shift - design @ by.T).T)
-        weight = 1.0 / (1.0 + (misfit / max(_LEAST_MISFIT_PX, float(np.median(misfit)))) ** 2)
+        by = np.linalg.solve(weighted.T @ design + _RIDGE, weighted.T @ shift).T
+        misfit = shift - design @ by.T
+        square = (misfit * misfit).sum(axis=1)
+        usual_square = max(_LEAST_MISFIT_PX**2, float(np.partition(square, len(square) // 2)[len(square) // 2]))
+        weighted = design / (1.0 + square / usual_square)[:, None]
     shear = np.eye(2) + by[:, :2] / _USUAL_PX
     return np.column_stack((shear, middle + by[:, 2] - shear @ middle))
 
@@ -56,10 +58,10 @@ def _moved(points_px: Float32Array, A: FloatArray) -> Float32Array:
     return moved
 
 
-_ROUNDS = 4
+_ROUNDS = 3
 _USUAL_PX = 100.0
 """Distance of corners from their middle."""
-_RIDGE = 1e-2
+_RIDGE = 1e-2 * np.eye(3)
 """Weight of no shear, in corners at that distance."""
 _LEAST_MISFIT_PX = 0.3
 """What dense matching errs by."""
