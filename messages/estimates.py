@@ -226,7 +226,7 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     ankle_states: int
     inbox_dropped: int
     recorder_dropped: int
-    recording: RecordingState
+    recording: RecordingState = RecordingState.OFF
     can_errors: int
     can_bus: CanBusHealth
     zenoh_errors: int
