@@ -19,6 +19,8 @@ _WIDTH_OF_A_FILE = 110
 
 RECORDING_CUT = 3
 """The exit code of a command that did its work, but whose recording ends early: it does not hold all that there was."""
+VOID = 4
+"""The exit code of a measurement in real time on a host that was too busy for it: its figures tell nothing."""
 
 console = Console() if sys.stdout.isatty() else Console(width=_WIDTH_OF_A_FILE)
 

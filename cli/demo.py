@@ -33,7 +33,10 @@ def demo(
     ] = False,
     json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
 ) -> None:
-    """Let the simulated wearer walk in real time and report how accurate the ground estimates were."""
+    """Let the simulated wearer walk in real time and report how accurate the ground estimates were.
+
+    Exit code 4: the host was too busy, so that the figures are void.
+    """
     from messages.extras import needs
 
     needs("gaiteyes demo", "skimage")
@@ -42,7 +45,7 @@ def demo(
 
     import msgspec
 
-    from cli.console import check_writable, score_table, write_json
+    from cli.console import VOID, check_writable, console, score_table, write_json
     from cli.live import LiveStatus
     from cli.wiring import (
         build_service,
@@ -59,8 +62,9 @@ def demo(
     from drivers.imu.mpu6050 import Mpu6050
     from drivers.imu.settings import Mpu6050Settings
     from drivers.zenoh.settings import ZenohSettings
+    from lab.evaluation.busy_host import Burden, ProcessorPressure
     from lab.evaluation.truth_observer import TruthObserver
-    from messages import Source
+    from messages import TOPICS, DropCause, Source
     from sim_rig.can.slcan_hub import open_hub
     from sim_rig.walk.scenario import Pace
     from sim_rig.walk.scenario import scenario as scenario_named
@@ -106,23 +110,38 @@ def demo(
                 background={} if hub is None else {"can-hub": hub.serve},
                 priorities=config is not None and configuration.realtime.priorities,
             )
+        pressure = ProcessorPressure()
         with stopped_by_signals(service), LiveStatus(tally, observer) as live:
             service.run(seconds, status=live.refresh)
+        waiting = pressure.share()
     finally:
         wearer.close()
         if hub is not None:
             hub.close()
 
     facts = tally.summary(service.latency, service.beats_skipped)
+    late, due = camera.dropped.get(DropCause.LATE, 0), round(facts.seconds * TOPICS["ground"].rate_hz)
+    void = Burden(waiting=waiting, frames=due, frames_late=late).too_much
     scores = observer.scoreboard.summary()
     summary_tables(facts)
     label = "perfect calibration" if perfect_calibration else "calibration with its stated residual"
     score_table(f"Ground against truth: {walk.name}, unit {seed}, {label}", scores)
+    if void:
+        console.print(f"These figures are void, the host was too busy: {void}.", style="bold", soft_wrap=True)
     if json is not None:
-        run_facts = {"seed": seed, "scenario": walk.name, "calibration": label, "run": facts, "ground": scores}
+        run_facts = {
+            "seed": seed,
+            "scenario": walk.name,
+            "calibration": label,
+            "void": void,
+            "run": facts,
+            "ground": scores,
+        }
         write_json(json, run_facts)
     if recorder is not None and record is not None:
         tell_recording(recorder, record)
+    if void:
+        raise typer.Exit(VOID)
 
 
 _LEAD_NS = 2_000_000_000

@@ -34,6 +34,15 @@ def _stamped(by_s: float) -> HardwareAction:
     return HardwareAction(lambda hardware: stamp(hardware, by_s), lambda hardware: stamp(hardware, 0.0))
 
 
+def _stepping(by_s: float, frames: int) -> HardwareAction:
+    """Let the camera's clock step by `by_s` to and fro, every so many frames."""
+
+    def stamp(hardware: FaultyHardware, shift_s: float) -> None:
+        hardware.camera.node.stamp_jitter_s = lambda frame: shift_s * (frame // frames % 2)
+
+    return HardwareAction(lambda hardware: stamp(hardware, by_s), lambda hardware: stamp(hardware, 0.0))
+
+
 def _later(by_s: float) -> HardwareAction:
     def transfer(hardware: FaultyHardware, seconds: float) -> None:
         hardware.camera.node.transfer_s = seconds
@@ -244,6 +253,12 @@ STAMP_FAULTS = (
             "stamps",
         )
         for by_ms in (20, 50, 200, -20, -50, -200)
+    ),
+    contradiction(
+        "cam-clock-steps",
+        "the camera's clock steps by 30 ms to and fro, twice a second",
+        _stepping(0.030, 5),
+        "stamps",
     ),
     missing(
         "cam-stamps-realtime",

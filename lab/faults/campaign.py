@@ -13,18 +13,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from lab.evaluation.busy_host import Burden, ProcessorPressure
 from lab.faults.catalogue import carry_out, expected_together
 from lab.faults.daemon_process import DaemonPlan, DaemonProcess
-from lab.faults.daemon_under_test import SCENARIO, DaemonUnderTest
+from lab.faults.daemon_under_test import DaemonUnderTest
 from lab.faults.fault import FOREIGN, Command, Expect, Fault, Restart
-from lab.faults.report import CampaignReport, TrialReport
+from lab.faults.report import Attempt, FaultFree, TrialReport
 from lab.faults.trial import Expectation, Measured, Times, failures, measure, recovery_s
 from messages import UserError
 
 _AFTER_FLAG_S = 1.5  # a fault that waits for motion lasts so long after its flag
 _HEALTH_S = 1.1  # until the next health message, one a second, has come
 _COMMAND_S = 60.0  # within which a command must end
-_ATTEMPTS = 3  # of a trial in which the rig itself lost frames
+_ATTEMPTS = 3  # of a trial that the host holds up
+_JUDGED_S = 1.0  # for so long the host is judged before a fault that burdens it
 _ALWAYS_COUNTED = ("imu_samples", "frames", "frames_valid", "ankle_states")
 
 
@@ -62,6 +64,11 @@ class Trial:
         return Expectation(expect, limit_s, in_motion, longest_s, foreign, share)
 
     @property
+    def burdens_host(self) -> bool:
+        """Return whether it holds up the rig and the campaign as well."""
+        return any(fault.burdens_host for fault in self.faults)
+
+    @property
     def needs_a_start(self) -> bool:
         """Return whether the daemon does not simply run on."""
         return any(
@@ -70,52 +77,48 @@ class Trial:
 
 
 class Campaign:
-    """Runs trials in `folder`, an empty one, and tells `tell` of each as it ends. Close it when done.
+    """Runs trials in `folder`, an empty one, and tells `tell` of each attempt as it ends. Close it when done.
 
     `patience_s` is how long it waits for the ground to become steady, and steady again, before it gives up.
     """
 
-    def __init__(
-        self, seed: int, folder: Path, tell: Callable[[TrialReport], None], *, patience_s: float = 15.0
-    ) -> None:
-        self._seed = seed
+    def __init__(self, seed: int, folder: Path, tell: Callable[[Attempt], None], *, patience_s: float = 15.0) -> None:
         self._folder = folder
         self._tell = tell
         self._patience_s = patience_s
         self._daemon = DaemonUnderTest(seed, folder, patience_s=patience_s)
 
-    def run(self, trials: Sequence[Trial]) -> CampaignReport:
-        """Run the trials, those that need a start of their own last, and return all that was found."""
-        began_s = time.monotonic()
-        reports: list[TrialReport] = []
+    def run(self, trials: Sequence[Trial]) -> None:
+        """Run the trials, those that need a start of their own last; what is held up by the host is tried again."""
         for trial in sorted(trials, key=lambda trial: trial.needs_a_start):
-            reports.append(self._proven(trial))
-            self._tell(reports[-1])
+            for _ in range(_ATTEMPTS):
+                attempt = self._attempt(trial)
+                self._tell(attempt)
+                if not attempt.trial.void:
+                    break
         self._daemon.stop()
-        return CampaignReport(
-            seed=self._seed,
-            scenario=SCENARIO,
-            seconds=time.monotonic() - began_s,
-            trials=reports,
-            fault_free=self._daemon.free,
-            valid_share=self._daemon.free.valid_share,
-            process=self._daemon.longest,
-            starts=self._daemon.starts,
-            hung_stops=self._daemon.hung_stops,
-            held_up=self._daemon.listener.held_up,
-        )
 
     def close(self) -> None:
         """End everything that runs."""
         self._daemon.close()
 
-    def _proven(self, trial: Trial) -> TrialReport:
-        """Return the report of a trial; one that failed while the rig itself lost frames is run again."""
-        for _ in range(_ATTEMPTS - 1):
-            report = self._once(trial)
-            if not (report.failures and report.rig_late):
-                return report
-        return self._once(trial)
+    def _attempt(self, trial: Trial) -> Attempt:
+        """Run a trial once; all that is heard from the end of the attempt before it on is accounted for."""
+        daemon, heard = self._daemon, self._daemon.listener
+        began_s, wrong, held_up = time.monotonic(), heard.wrong, heard.held_up
+        starts, hung = daemon.starts, daemon.hung_stops
+        report = self._once(trial)
+        free, daemon.free = daemon.free, FaultFree()
+        return Attempt(
+            trial=report,
+            seconds=time.monotonic() - began_s,
+            fault_free=free,
+            elsewhere=heard.wrong - wrong - report.wrong - free.all_wrong(),
+            starts=daemon.starts - starts,
+            hung_stops=daemon.hung_stops - hung,
+            held_up=heard.held_up - held_up,
+            process=daemon.longest,
+        )
 
     def _once(self, trial: Trial) -> TrialReport:
         act = trial.faults[0].act
@@ -130,10 +133,15 @@ class Campaign:
             return _report(trial, None, [str(error)])
 
     def _running(self, trial: Trial) -> TrialReport:
-        daemon = self._daemon
+        daemon, pressure = self._daemon, ProcessorPressure()
         if not daemon.settle(in_motion=trial.in_motion):
-            return _report(trial, None, ["the ground does not become steadily valid"])
-        late_before, before = daemon.rig_late(), daemon.counted()
+            void = Burden(waiting=pressure.share()).too_much
+            return _report(trial, None, ["the ground does not become steadily valid"], void=void)
+        before = daemon.counted()
+        mark, void = daemon.mark(), ""
+        if trial.burdens_host:
+            daemon.listen(_JUDGED_S)
+            void = daemon.burden(mark).too_much
         daemon.end_free()
         inject_ns = time.monotonic_ns()
         for fault in trial.faults:
@@ -143,8 +151,8 @@ class Campaign:
             daemon.clear(fault)
         clear_ns = time.monotonic_ns()
         found = self._recovered(trial, inject_ns, clear_ns)
-        late = max(0, daemon.rig_late() - late_before)  # the daemon may have been started anew
         recovered = found.recovery_s is not None
+        burden = daemon.burden(mark)
         if recovered:
             daemon.begin_free()
         daemon.listen(_HEALTH_S)
@@ -153,7 +161,9 @@ class Campaign:
         if not recovered:
             daemon.stop()
         why = list(failures(trial.expectation, found, 1e-9 * (clear_ns - inject_ns)))
-        return _report(trial, found, why, counted=counted, rig_late=late)
+        if not trial.burdens_host:
+            void = _void(burden, found, why)
+        return _report(trial, found, why, counted=counted, rig_late=burden.frames_late, void=void)
 
     def _restarted(self, trial: Trial, act: Restart) -> TrialReport:
         daemon, folder = self._daemon, self._empty_folder()
@@ -161,17 +171,18 @@ class Campaign:
         if trial.faults[0].expect is Expect.REFUSED:
             return self._second_start(trial, plan)
         daemon.start(plan)
-        inject_ns = time.monotonic_ns()
-        if daemon.await_steady():
-            inject_ns = time.monotonic_ns()
+        inject_ns, mark = time.monotonic_ns(), daemon.mark()
+        if trial.faults[0].expect is Expect.TOLERATED and daemon.await_steady():
+            inject_ns, mark = time.monotonic_ns(), daemon.mark()
         act.then(folder)
-        self._hold(trial, inject_ns)
-        counted, late = daemon.counted(), daemon.rig_late()
+        daemon.listen(trial.hold_s)
+        counted, burden = daemon.counted(), daemon.burden(mark)
         clear_ns = time.monotonic_ns()
         daemon.start(daemon.plan)
         found = self._recovered(trial, inject_ns, clear_ns)
         why = list(failures(trial.expectation, found, 1e-9 * (clear_ns - inject_ns)))
-        return _report(trial, found, why, counted=counted, rig_late=late)
+        void = _void(burden, found, why)
+        return _report(trial, found, why, counted=counted, rig_late=burden.frames_late, void=void)
 
     def _empty_folder(self) -> Path:
         return Path(tempfile.mkdtemp(dir=self._folder))
@@ -211,13 +222,29 @@ class Campaign:
     def _command(self, trial: Trial, act: Command) -> TrialReport:
         folder = self._empty_folder()
         command = [sys.executable, "-m", "cli.main", *act.prepare(self._daemon.plan, folder)]
-        home = Path(__file__).parents[2]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_COMMAND_S, cwd=home, check=False)
+        home, pressure = Path(__file__).parents[2], ProcessorPressure()
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=_COMMAND_S, cwd=home, check=False)
+        except subprocess.TimeoutExpired:
+            void = Burden(waiting=pressure.share()).too_much
+            return _report(trial, None, [f"the command did not end within {_COMMAND_S:g} s"], void=void)
         lines = done.stderr.strip().splitlines()
         why = [] if done.returncode in act.codes else [f"exit code {done.returncode}"]
         if "Traceback" in done.stderr or (done.returncode and len(lines) != 1):
             why.append(f"{len(lines)} lines of error message instead of one")
         return _report(trial, None, why, told=lines[-1] if lines else "")
+
+
+def _void(burden: Burden, found: Measured, why: Sequence[str]) -> str:
+    """Return why a trial proves nothing, if so: the host was too busy, or it failed while the rig lost frames.
+
+    A lost frame excuses no wrong estimate.
+    """
+    wrong = found.wrong or found.wrong_on_can or found.wrong_attitudes
+    lost = (
+        f"it failed while the rig lost {burden.frames_late} frames" if burden.frames_late and why and not wrong else ""
+    )
+    return burden.too_much or lost
 
 
 def _passed_s(from_ns: int, to_ns: int) -> float:
@@ -232,10 +259,12 @@ def _report(
     counted: "Counter[str] | None" = None,
     rig_late: int = 0,
     told: str = "",
+    void: str = "",
 ) -> TrialReport:
     expected = trial.expectation
     return TrialReport(
         name=trial.name,
+        faults=len(trial.faults),
         layer=" + ".join(fault.layer.value for fault in trial.faults),
         how="; ".join(fault.how for fault in trial.faults),
         expect=expected.expect,
@@ -247,4 +276,5 @@ def _report(
         counted={name: n for name, n in sorted((counted or {}).items()) if n and name not in _ALWAYS_COUNTED},
         rig_late=rig_late,
         told=told,
+        void=void,
     )

@@ -15,10 +15,11 @@ from pathlib import Path
 
 from drivers.can.settings import CanInterface, CanSettings
 from messages import AnkleState, GaitPhase
-from messages.can_frames import CanEncoder, CanFrame
+from messages.can_frames import CanEncoder, CanFrame, CanMessage, can_id
 
 ANKLE_PERIOD_NS = 20_000_000
 _FOREIGN_ID = 0x321
+_TAKEN_IDS = tuple(map(can_id, (CanMessage.ANKLE_STATE, CanMessage.GROUND, CanMessage.GROUND_QUALITY)))
 _FLOOD_FRAMES = 40
 _GARBAGE_BYTES = 200
 _LONGEST_PARTIAL = 64
@@ -29,11 +30,13 @@ class SimulatedCanAdapter:
     """Serves the far end of the daemon's serial port; `serve` is called over and over by one thread.
 
     While `stuck` the adapter takes nothing. `flooding` adds foreign frames, `sending_garbage` bytes that are no frames;
-    `ankle_corrupted` flips a bit in each state of the ankle, `ankle_replayed` sends one state over and over.
+    `ankle_corrupted` flips a bit in each state of the ankle, `ankle_replayed` sends one state over and over. With
+    `identifiers_taken` another device sends its own data under the identifiers of the ankle's state and of the ground.
     """
 
     def __init__(self, path: Path) -> None:
         self.stuck = self.flooding = self.sending_garbage = self.ankle_corrupted = self.ankle_replayed = False
+        self.identifiers_taken = False
         self._path = path
         self._partial = b""
         self._encoder = CanEncoder()
@@ -72,14 +75,15 @@ class SimulatedCanAdapter:
         if self._ends is None:
             time.sleep(timeout_s)
             return
-        self._send_traffic(self._ends[0])
+        yield from self._send_traffic(self._ends[0])
         if self.stuck:
             time.sleep(timeout_s)
             return
         if select.select([self._ends[0]], [], [], timeout_s)[0]:
             yield from self._frames_in(os.read(self._ends[0], 4096))
 
-    def _send_traffic(self, port: int) -> None:
+    def _send_traffic(self, port: int) -> Iterator[CanFrame]:
+        """Send what is due to the daemon, and yield of it what others on the bus may take for the daemon's."""
         now_ns = time.monotonic_ns()
         if now_ns < self._ankle_due_ns:
             return
@@ -87,6 +91,8 @@ class SimulatedCanAdapter:
         frames = [self._ankle()]
         if self.flooding:
             frames += [CanFrame(_FOREIGN_ID, bytes(range(8)))] * _FLOOD_FRAMES
+        taken = [CanFrame(can_id, self._rng.randbytes(8)) for can_id in _TAKEN_IDS if self.identifiers_taken]
+        frames += taken
         data = b"".join(_line(frame) for frame in frames)
         if self.sending_garbage:
             data += self._rng.randbytes(_GARBAGE_BYTES)
@@ -94,6 +100,7 @@ class SimulatedCanAdapter:
             os.write(port, data)
         except BlockingIOError:  # the daemon does not read for now; a bus has no memory either
             return
+        yield from taken
 
     def _ankle(self) -> CanFrame:
         if not self.ankle_replayed:

@@ -15,6 +15,7 @@ before. Where the campaign's own process was held up, lateness is not the daemon
 import math
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from messages import Attitude, GroundPlane, GroundTruth, Reason, Status
@@ -38,6 +39,26 @@ class Errors(NamedTuple):
     slope_rad: float
     height_m: float
     wrong: bool
+
+
+class Wrong(msgspec.Struct, frozen=True):
+    """How many estimates were marked valid and wrong: grounds heard on Zenoh and on CAN, attitudes."""
+
+    zenoh: int = 0
+    can: int = 0
+    attitudes: int = 0
+
+    def __add__(self, other: "Wrong") -> "Wrong":
+        """Return both together."""
+        return Wrong(self.zenoh + other.zenoh, self.can + other.can, self.attitudes + other.attitudes)
+
+    def __sub__(self, other: "Wrong") -> "Wrong":
+        """Return those that are not among `other`."""
+        return Wrong(self.zenoh - other.zenoh, self.can - other.can, self.attitudes - other.attitudes)
+
+    def __bool__(self) -> bool:
+        """Return whether there are any."""
+        return bool(self.zenoh or self.can or self.attitudes)
 
 
 def ground_errors(

@@ -45,7 +45,8 @@ _POOL_FRAMES = 16
 class DaemonPlan(msgspec.Struct, frozen=True, kw_only=True):
     """All that one start of the daemon depends on; the wearer's walk goes on from start to start.
 
-    `calibration` takes the place of the unit's own. `largest_file_bytes` limits what the process may write to a file.
+    `calibration` takes the place of the unit's own; the faults `from_start` are there before the daemon runs.
+    `largest_file_bytes` limits what the process may write to a file.
     """
 
     seed: int
@@ -55,6 +56,7 @@ class DaemonPlan(msgspec.Struct, frozen=True, kw_only=True):
     can: CanSettings
     log: Path
     calibration: Calibration | None = None
+    from_start: tuple[str, ...] = ()
     record: Path | None = None
     largest_file_bytes: int | None = None
 
@@ -154,6 +156,8 @@ def _run(pipe: Connection, plan: DaemonPlan, carry: Carry) -> None:
     with ExitStack() as undo:
         hardware = FaultyHardware(wearer := plan.wearer())
         undo.callback(hardware.close)
+        for fault in plan.from_start:
+            carry(hardware, Order(fault, inject=True))
         if plan.largest_file_bytes is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (plan.largest_file_bytes, plan.largest_file_bytes))
         try:

@@ -11,10 +11,12 @@ from collections import Counter
 from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from drivers.zenoh.settings import SOCKET
+from lab.evaluation.busy_host import Burden, ProcessorPressure
 from lab.faults.can_adapter import SimulatedCanAdapter
 from lab.faults.catalogue import carry_out
 from lab.faults.daemon_process import DEVICE, DaemonPlan, DaemonProcess, Order, open_files, resident_mb, threads
@@ -23,7 +25,7 @@ from lab.faults.listener import Listener
 from lab.faults.report import FaultFree, Process
 from lab.faults.surroundings import Surroundings
 from lab.faults.trial import is_steady
-from messages import UserError
+from messages import TOPICS, UserError
 
 SCENARIO = "ramps"
 _LEAD_S = 6.0  # before the wearer's clock starts: by then the first daemon runs
@@ -32,6 +34,16 @@ _STEADY_FRAMES = 20  # a second of right grounds, and of right attitudes, is ste
 _STEADY_ATTITUDES = 100
 _WALK_AHEAD_S = 5.0  # of walking that must lie ahead of a fault that needs motion
 _GRID_S = 0.05  # steps in which walking and standing are told apart
+
+
+class Mark(NamedTuple):
+    """An instant from which on it is judged what the host does to the test."""
+
+    t_s: float
+    pressure: ProcessorPressure
+    rig_late: int
+    heard: int
+    held_up: int
 
 
 class DaemonUnderTest:
@@ -63,7 +75,7 @@ class DaemonUnderTest:
         self._first_look: Process | None = None
         self._looked_s = 0.0
         self._free_from_ns: int | None = None
-        self._late_then = 0
+        self._free_mark: Mark | None = None
 
     # The daemon
 
@@ -79,7 +91,7 @@ class DaemonUnderTest:
         """End the daemon, if one runs."""
         self.listener.close()
         daemon, self._daemon = self._daemon, None
-        self._first_look, self._free_from_ns = None, None
+        self._first_look = self._free_from_ns = self._free_mark = None
         if daemon is not None and not daemon.stop():
             self.hung_stops += 1
 
@@ -92,6 +104,21 @@ class DaemonUnderTest:
     def rig_late(self) -> int:
         """Return how many frames the rig itself failed to render in time since the daemon's start."""
         return self._running().order(None).rig_late
+
+    def mark(self) -> Mark:
+        """Begin to judge what the host does to the test."""
+        heard = self.listener
+        return Mark(time.monotonic(), ProcessorPressure(), self.rig_late(), heard.heard, heard.held_up)
+
+    def burden(self, since: Mark) -> Burden:
+        """Return what the host has done to the test since then; a new start of the daemon begins its count anew."""
+        return Burden(
+            waiting=since.pressure.share(),
+            frames=round((time.monotonic() - since.t_s) * TOPICS["ground"].rate_hz),
+            frames_late=max(0, self.rig_late() - since.rig_late),
+            heard=self.listener.heard - since.heard,
+            held_up=self.listener.held_up - since.held_up,
+        )
 
     # Faults
 
@@ -171,21 +198,33 @@ class DaemonUnderTest:
 
     def begin_free(self) -> None:
         """Count what is heard from now on as fault-free."""
-        self._free_from_ns, self._late_then = time.monotonic_ns(), self.rig_late()
+        self._free_from_ns, self._free_mark = time.monotonic_ns(), self.mark()
 
     def end_free(self) -> None:
-        """End the fault-free time; one in which the rig lost frames proves nothing and is left out."""
+        """End the fault-free time; one that the host disturbed, or in which the rig lost frames, proves nothing."""
         t_ns = time.monotonic_ns()
         from_ns, self._free_from_ns = self._free_from_ns, None
-        if from_ns is None or self.rig_late() != self._late_then:
+        mark, self._free_mark = self._free_mark, None
+        if from_ns is None or mark is None:
+            return
+        burden = self.burden(mark)
+        if burden.frames_late or burden.too_much:
             return
         heard = [h for h in self.listener.grounds if from_ns < h.t_ns <= t_ns]
-        self.free.seconds += 1e-9 * (t_ns - from_ns)
-        self.free.frames += len(heard)
-        self.free.valid += sum(h.valid for h in heard)
-        self.free.wrong += sum(h.errors.wrong for h in heard)
-        self.free.stale += sum(h.stale for h in heard)
-        self.free.wrong_attitudes += sum(a.wrong for a in self.listener.attitudes if from_ns < a.t_ns <= t_ns)
+        away = [h for h in heard if not h.truth.transition]
+        self.free.add(
+            FaultFree(
+                seconds=1e-9 * (t_ns - from_ns),
+                frames=len(heard),
+                valid=sum(h.valid for h in heard),
+                away=len(away),
+                away_valid=sum(h.valid for h in away),
+                wrong=sum(h.errors.wrong for h in heard),
+                wrong_on_can=sum(c.errors.wrong for c in self.listener.on_can if from_ns < c.t_ns <= t_ns),
+                stale=sum(h.stale for h in heard),
+                wrong_attitudes=sum(a.wrong for a in self.listener.attitudes if from_ns < a.t_ns <= t_ns),
+            )
+        )
 
     def look(self) -> Process:
         """Return how large the process is, beside the first look; of all processes the longest-lived one is told."""

@@ -39,6 +39,7 @@ class Layer(str, enum.Enum):
 FOREIGN: dict[Layer, frozenset[Reason]] = {
     Layer.IMU: frozenset({Reason.NO_FRAME, Reason.FROZEN_FRAME, Reason.EYES_SWAPPED, Reason.WRONG_SIZE}),
     Layer.CAMERA: frozenset({Reason.NO_IMU, Reason.NOT_AT_REST, Reason.STARTING}),
+    Layer.FILES: frozenset({Reason.NO_FRAME, Reason.NO_IMU, Reason.NOT_AT_REST, Reason.STARTING}),
 }
 """Flag reasons that a fault of a layer cannot cause: such a flag came by chance."""
 
@@ -100,7 +101,8 @@ class Fault:
     `how` says in one line what happens on the hardware, `reason` why it is expected to be tolerated, to be either, or
     to go unnoticed. It lasts `hold_s`; `limit_s` is that of FLAGGED. `in_motion`: it begins while the wearer walks,
     and only walking time counts. Two faults with different `touches` may come together; one without never does.
-    `share` of the frames remains while it lasts.
+    `share` of the frames remains while it lasts. One that `burdens_host` holds up the rig and the campaign as well, so
+    that the host is judged before it.
     """
 
     name: str
@@ -115,3 +117,4 @@ class Fault:
     reason: str = ""
     touches: str = ""
     share: float = 1.0
+    burdens_host: bool = False

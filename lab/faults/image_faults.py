@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 
+import msgspec
 import numpy as np
 
 from lab.faults import deformed_view, image_changes
 from lab.faults.camera_faults import contradiction, missing, other
-from lab.faults.fault import Expect, HardwareAction
+from lab.faults.fault import USB_RECOVERY_S, Expect, Fault, HardwareAction, Layer, Restart
 from lab.faults.faulty_camera import ImageChange
 from lab.faults.hardware import FaultyHardware
 
@@ -147,31 +148,43 @@ IMAGE_FAULTS = (
         _changing(lambda: image_changes.turned(0.0, 15.0)),
         "images",
     ),
-    other(
+    contradiction(
         "cam-turned-3",
         "the camera is pitched by 3° on its mount",
         _changing(lambda: image_changes.turned(3.0, 0.0)),
-        Expect.UNDETECTABLE,
-        "it changes the measured rates by 5 %, too little to be seen in motion; only a known slope would show it",
-        "",
-        6.0,
+        "images",
     ),
-    other(
+    contradiction(
         "cam-slipped-sideways",
         "the right camera has turned inwards: its image is 4 px to the right",
         _changing(lambda: image_changes.right_shifted(0, 4)),
-        Expect.UNDETECTABLE,
-        "a toe-in looks like ground that is nearer or farther: only a known height would show it",
-        "",
-        6.0,
+        "images",
     ),
     other(
+        "cam-slipped-outwards",
+        "the right camera has turned outwards: its image is 4 px to the left",
+        _changing(lambda: image_changes.right_shifted(0, -4)),
+        Expect.HONEST,
+        "like ground that is 4 % nearer, within what counts as right away from edges; walking may tell the scale",
+        "images",
+        6.0,
+    ),
+    contradiction(
         "cam-window-stretched",
         "a window bent about the vertical makes the right image wider, by 2 px on either side of the foothold",
         _changing(lambda: deformed_view.warped(deformed_view.stretched(2.0), left=False)),
-        Expect.UNDETECTABLE,
-        "it moves the image along the rows alone and evenly, as ground does that rises to one side",
-        "",
-        6.0,
+        "images",
+    ),
+    Fault(
+        name="cam-window-stretched-first",
+        layer=Layer.CAMERA,
+        how="the same window, there before the daemon starts",
+        act=Restart(lambda plan, _folder: msgspec.structs.replace(plan, from_start=("cam-window-stretched",))),
+        expect=Expect.UNDETECTABLE,
+        hold_s=6.0,
+        recovery_s=USB_RECOVERY_S,
+        in_motion=True,
+        reason="it moves the image along the rows alone and evenly, as ground does that rises to one side: who stands "
+        "gives nothing else to compare; walking shows it",
     ),
 )

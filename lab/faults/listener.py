@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import zenoh
 
-from lab.faults.criteria import STALE_S, Errors, errors_of, flags, ground_errors, is_wrong_attitude
+from lab.faults.criteria import STALE_S, Errors, Wrong, errors_of, flags, ground_errors, is_wrong_attitude
 from lab.faults.daemon_process import DEVICE
 from messages import TOPICS, Attitude, GroundPlane, GroundTruth, Health, Reason, Stamp, Status
 from messages.can_frames import CanFrame
@@ -54,7 +54,8 @@ class Listener:
     """Hears one daemon after the other. `take` is called over and over; what it finds is appended to the lists.
 
     What is heard after the listener itself was held up (no `take` for 25 ms) says nothing about when it was sent: its
-    lateness is not judged, on CAN nothing of it; `held_up` counts those messages.
+    lateness is not judged, on CAN nothing of it; `held_up` counts those messages of all that were `heard`. `wrong`
+    counts all that was ever wrong and marked valid.
     """
 
     def __init__(self, wearer: SimulatedWearer) -> None:
@@ -67,7 +68,8 @@ class Listener:
         self._seqs: deque[int] = deque(maxlen=_KEPT)
         self._waiting: deque[tuple[int, bool, type[msgspec.Struct], bytes]] = deque()
         self._took_ns = 0
-        self.held_up = 0
+        self.heard = self.held_up = 0
+        self.wrong = Wrong()
         self._session: zenoh.Session | None = None
 
     def connect(self, endpoint: str) -> None:
@@ -99,11 +101,13 @@ class Listener:
             truth = self._wearer.truth(received.t_exposure_ns)
             errors = ground_errors(numbers, deviations, truth) if self._is_prompt(now_ns) else _NOTHING_OFF
             self.on_can.append(HeardOnCan(now_ns, errors))
+            self.wrong += Wrong(can=errors.wrong)
 
     def take(self) -> None:
         """Judge what has been heard since the last call."""
         while self._waiting:
             t_ns, prompt, kind, payload = self._waiting.popleft()
+            self.heard += 1
             self.held_up += not prompt
             if kind is GroundPlane:
                 self._take_ground(t_ns, prompt, decode(payload, GroundPlane), decode(payload, Stamp))
@@ -138,6 +142,7 @@ class Listener:
         self._seqs.append(stamp.seq)
         too_old = prompt and (t_ns - ground.t_exposure_ns) * 1e-9 > STALE_S
         errors = errors_of(ground, truth) if valid else _NOTHING_OFF
+        self.wrong += Wrong(zenoh=errors.wrong)
         stale = valid and (too_old or repeated)
         self.grounds.append(Heard(t_ns, ground, truth, errors, valid, stale, flags(ground, truth)))
 
@@ -146,6 +151,7 @@ class Listener:
         wrong = valid and is_wrong_attitude(
             attitude, self._wearer.gait.at(np.array([attitude.t_sample_ns], dtype=np.int64)).R_WB[0]
         )
+        self.wrong += Wrong(attitudes=wrong)
         self.attitudes.append(HeardAttitude(t_ns, valid, wrong, attitude.reason))
 
 

@@ -46,6 +46,11 @@ CAN_FAULTS = (
     _can("can-flood", "2,000 CAN frames a second from other devices", _adapter("flooding")),
     _can("can-garbage", "10,000 bytes a second that are not CAN frames", _adapter("sending_garbage")),
     _can("can-ankle-corrupted", "every ankle state message has a flipped bit", _adapter("ankle_corrupted")),
+    _can(
+        "can-identifier-taken",
+        "another device sends its own data under the identifiers of the ankle's state and of the ground",
+        _adapter("identifiers_taken"),
+    ),
     _can("can-ankle-replayed", "the same ankle state message is sent over and over", _adapter("ankle_replayed")),
 )
 
@@ -71,6 +76,7 @@ ZENOH_FAULTS = (
         hold_s=4.0,
         reason="the sessions need processor time; frames may be dropped, never sent late",
         touches="zenoh",
+        burdens_host=True,
     ),
 )
 
@@ -85,6 +91,7 @@ def _paused(seconds: float) -> Fault:
         hold_s=seconds,
         reason="a stopped daemon sends nothing; the consumer's own age limit shows it",
         touches="process",
+        burdens_host=True,
     )
 
 
@@ -98,6 +105,7 @@ def _busy(count: int) -> Fault:
         hold_s=4.0,
         reason="the processor is shared with the simulation; frames may be dropped, never sent late",
         touches="processor",
+        burdens_host=True,
     )
 
 
@@ -127,6 +135,7 @@ HOST_FAULTS = (
         hold_s=0.5,
         recovery_s=USB_RECOVERY_S,
         reason="a killed daemon sends nothing; the consumer's own age limit shows it",
+        burdens_host=True,
     ),
     _busy(1),
     _busy(2),
@@ -139,6 +148,7 @@ HOST_FAULTS = (
         hold_s=3.0,
         reason="there is enough memory, and the service locks its own",
         touches="processor",
+        burdens_host=True,
     ),
     Fault(
         name="host-interpreter-hogged",
@@ -151,6 +161,7 @@ HOST_FAULTS = (
         hold_s=3.0,
         reason="Python switches threads every 0.5 ms; frames may be dropped, never sent late",
         touches="processor",
+        burdens_host=True,
     ),
     _wall_clock("forward", 3600.0),
     _wall_clock("back", -3600.0),

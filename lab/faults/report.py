@@ -1,7 +1,10 @@
 """What a campaign found, for a program and for a table."""
 
+from collections.abc import Sequence
+
 import msgspec
 
+from lab.faults.criteria import Wrong
 from lab.faults.fault import Expect
 from lab.faults.trial import Measured
 
@@ -9,11 +12,12 @@ from lab.faults.trial import Measured
 class TrialReport(msgspec.Struct, frozen=True, kw_only=True):
     """One fault, or two at once. `failures` is empty where all was as expected; `counted` is what health counted.
 
-    `rig_late`: frames that the rig itself lost meanwhile; the trial proves less then. `measured` is None where
-    a start or a command was to be refused.
+    `void` says why the trial proves nothing: the host held it up. `rig_late`: frames that the rig itself lost
+    meanwhile. `measured` is None where a start or a command was to be refused.
     """
 
     name: str
+    faults: int
     layer: str
     how: str
     expect: Expect
@@ -25,22 +29,34 @@ class TrialReport(msgspec.Struct, frozen=True, kw_only=True):
     counted: dict[str, int]
     rig_late: int
     told: str = ""
+    void: str = ""
 
     @property
     def verdict(self) -> str:
-        """Return `pass`, `FAIL` or, for the undetectable, `listed`."""
+        """Return `void`, `FAIL`, `pass` or, for the undetectable, `listed`."""
+        if self.void:
+            return "void"
         if self.failures:
             return "FAIL"
         return "listed" if self.expect is Expect.UNDETECTABLE else "pass"
 
+    @property
+    def wrong(self) -> Wrong:
+        """Return what was wrong and marked valid in it."""
+        found = self.measured
+        return Wrong() if found is None else Wrong(found.wrong, found.wrong_on_can, found.wrong_attitudes)
+
 
 class FaultFree(msgspec.Struct, kw_only=True):
-    """What was heard while nothing was wrong, between the trials."""
+    """What was heard while nothing was wrong, between the trials; `away` are frames without an edge at the foothold."""
 
     seconds: float = 0.0
     frames: int = 0
     valid: int = 0
+    away: int = 0
+    away_valid: int = 0
     wrong: int = 0
+    wrong_on_can: int = 0
     stale: int = 0
     wrong_attitudes: int = 0
 
@@ -48,6 +64,20 @@ class FaultFree(msgspec.Struct, kw_only=True):
     def valid_share(self) -> float:
         """Return the valid share of the frames; NaN without any."""
         return self.valid / self.frames if self.frames else float("nan")
+
+    @property
+    def away_valid_share(self) -> float:
+        """Return the valid share of the frames away from edges; NaN without any."""
+        return self.away_valid / self.away if self.away else float("nan")
+
+    def all_wrong(self) -> Wrong:
+        """Return what was wrong and marked valid in it."""
+        return Wrong(self.wrong, self.wrong_on_can, self.wrong_attitudes)
+
+    def add(self, more: "FaultFree") -> None:
+        """Count `more` as well."""
+        for name in self.__struct_fields__:
+            setattr(self, name, getattr(self, name) + getattr(more, name))
 
 
 class Process(msgspec.Struct, frozen=True, kw_only=True):
@@ -68,23 +98,76 @@ class Process(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
+class Attempt(msgspec.Struct, frozen=True, kw_only=True):
+    """One attempt at a trial, and what came since the attempt before it: a line of the campaign's file.
+
+    `elsewhere` is what was wrong and valid neither in the trial nor in fault-free time: while a daemon started, while
+    the ground became steady, or in time that the host disturbed. `held_up` messages came while the listener itself was
+    held up: their age was not judged. `process` is the longest-lived daemon so far.
+    """
+
+    trial: TrialReport
+    seconds: float
+    fault_free: FaultFree
+    elsewhere: Wrong
+    starts: int
+    hung_stops: int
+    held_up: int
+    process: Process | None
+
+
 class CampaignReport(msgspec.Struct, frozen=True, kw_only=True):
-    """The whole campaign. `held_up` messages came while the listener itself was held up: their age was not judged."""
+    """The whole campaign: every attempt at every trial, in order; of each trial the last attempt stands."""
 
     seed: int
     scenario: str
     seconds: float
     trials: list[TrialReport]
     fault_free: FaultFree
-    valid_share: float
+    elsewhere: Wrong
     process: Process | None
     starts: int
     hung_stops: int
     held_up: int
 
+    @classmethod
+    def of(cls, seed: int, scenario: str, attempts: Sequence[Attempt]) -> "CampaignReport":
+        """Return the report of these attempts."""
+        free, elsewhere = FaultFree(), Wrong()
+        for attempt in attempts:
+            free.add(attempt.fault_free)
+            elsewhere += attempt.elsewhere
+        processes = [attempt.process for attempt in attempts if attempt.process is not None]
+        return cls(
+            seed=seed,
+            scenario=scenario,
+            seconds=sum(attempt.seconds for attempt in attempts),
+            trials=[attempt.trial for attempt in attempts],
+            fault_free=free,
+            elsewhere=elsewhere,
+            process=max(processes, key=lambda process: process.seconds, default=None),
+            starts=sum(attempt.starts for attempt in attempts),
+            hung_stops=sum(attempt.hung_stops for attempt in attempts),
+            held_up=sum(attempt.held_up for attempt in attempts),
+        )
+
+    @property
+    def standing(self) -> list[TrialReport]:
+        """Return the last attempt at each trial."""
+        return list({trial.name: trial for trial in self.trials}.values())
+
+    @property
+    def void(self) -> list[TrialReport]:
+        """Return the trials that prove nothing, though they were repeated."""
+        return [trial for trial in self.standing if trial.void]
+
     @property
     def passed(self) -> bool:
-        """Return whether every trial ended as it must and nothing wrong was heard in fault-free time either."""
+        """Return whether no trial failed and nothing wrong was heard in fault-free time either."""
         free = self.fault_free
-        sound = not (free.wrong or free.wrong_attitudes or free.stale or self.hung_stops)
-        return sound and all(not trial.failures for trial in self.trials)
+        sound = not (free.all_wrong() or self.elsewhere or free.stale or self.hung_stops)
+        return sound and not any(trial.verdict == "FAIL" for trial in self.standing)
+
+    def all_wrong(self) -> Wrong:
+        """Return all that was wrong and marked valid, wherever it was heard."""
+        return sum((trial.wrong for trial in self.trials), self.fault_free.all_wrong() + self.elsewhere)

@@ -1,5 +1,6 @@
 """Faults of the IMU's samples: wrong values without any error on the bus."""
 
+import itertools
 import time
 from collections.abc import Callable
 
@@ -39,6 +40,39 @@ def _saturated(counts: Counts) -> Counts:
     changed: Counts = counts.copy()
     changed[:, :3] = np.where(counts[:, :3] < 0, -32768, 32767)
     return changed
+
+
+def _repeated(times: int) -> Distortion:
+    """Return a chip that shows each sample `times` times."""
+    taken = itertools.count()
+    shown: list[Counts] = []
+
+    def distort(counts: Counts) -> Counts:
+        changed: Counts = counts.copy()
+        for place, sample in enumerate(counts):
+            if next(taken) % times == 0 or not shown:
+                shown[:] = [sample.copy()]
+            changed[place] = shown[0]
+        return changed
+
+    return distort
+
+
+def _warming() -> Distortion:
+    """Return an accelerometer that warms by 40 °C within 4 s; its biases follow the temperature, 1 mg/°C on x and z.
+
+    The data sheet's zero-g change is ±35 mg (x, y) and ±60 mg (z) from 0 to 70 °C.
+    """
+    began_s = time.monotonic()
+
+    def distort(counts: Counts) -> Counts:
+        warmer_degC = min(10.0 * (time.monotonic() - began_s), 40.0)
+        bias_lsb = 0.001 * _LSB_PER_G * warmer_degC
+        for column, offset in ((0, bias_lsb), (2, bias_lsb), (_TEMPERATURE, _LSB_PER_DEGC * warmer_degC)):
+            counts = _affine(column, 1.0, offset)(counts)
+        return counts
+
+    return distort
 
 
 def _creeping() -> Distortion:
@@ -100,11 +134,35 @@ SIGNAL_FAULTS = (
         layer=Layer.IMU,
         how="the bias of accel-x grows by 0.02 g a second for 5 s",
         act=_distorting(_creeping),
-        expect=Expect.UNDETECTABLE,
+        expect=Expect.HONEST,
         hold_s=5.0,
         in_motion=True,
-        reason="slower than walking changes the mean acceleration: it cannot be told from a slow tilt",
+        reason="the accelerometer alone cannot tell it from a slow tilt; the camera's motion and the gyroscope can",
+        touches="counts",
     ),
+    Fault(
+        name="imu-accel-warming",
+        layer=Layer.IMU,
+        how="the chip warms by 40 °C within 4 s, and accel-x and accel-z are off by 1 mg/°C",
+        act=_distorting(_warming),
+        expect=Expect.HONEST,
+        hold_s=6.0,
+        in_motion=True,
+        reason="as slow as a tilt; the camera's motion and the gyroscope carry the vertical",
+        touches="counts",
+    ),
+    Fault(
+        name="imu-samples-doubled",
+        layer=Layer.IMU,
+        how="the chip delivers each sample twice",
+        act=_distorting(lambda: _repeated(2)),
+        expect=Expect.HONEST,
+        hold_s=4.0,
+        in_motion=True,
+        reason="5 ms late on the average, within the stated uncertainty; the steps may be too much for the filter",
+        touches="counts",
+    ),
+    _contradiction("imu-samples-repeated", "the chip delivers each sample ten times", lambda: _repeated(10)),
     Fault(
         name="imu-clipped",
         layer=Layer.IMU,

@@ -1,10 +1,10 @@
 """A campaign in the words and units of a person."""
 
-from collections.abc import Iterator
-
+from lab.faults.claims import Claim
 from lab.faults.fault import Expect, Fault
-from lab.faults.report import CampaignReport, TrialReport
+from lab.faults.report import TrialReport
 
+CLAIM_COLUMNS = ("claim", "goal", "figure")
 COLUMNS = ("fault", "expected", "flagged after", "recovered after", "wrong", "too old", "verdict")
 _WORDS = {
     Expect.FLAGGED: "flagged",
@@ -47,31 +47,16 @@ def line(report: TrialReport) -> str:
     if report.measured is not None:
         worst = report.measured
         cells.insert(-1, f"largest errors {worst.worst_slope_deg:.1f}°, {worst.worst_height_mm:.0f} mm")
-    return "  ".join(cells) + "".join(f"; {why}" for why in report.failures) + (f" ({report.told})" * bool(report.told))
-
-
-def summary(report: CampaignReport) -> Iterator[tuple[str, str]]:
-    """Yield the campaign's facts, a name and a value each."""
-    verdicts = [trial.verdict for trial in report.trials]
-    free, process = report.fault_free, report.process
-    yield "trials", f"{len(verdicts)}, seed {report.seed}, {report.seconds / 60:.1f} min"
-    yield "passed, failed, listed", ", ".join(str(verdicts.count(word)) for word in ("pass", "FAIL", "listed"))
-    measured = [t.measured for t in report.trials if t.measured is not None and t.expect is not Expect.UNDETECTABLE]
-    yield (
-        "wrong ground marked valid, Zenoh, CAN",
-        f"{sum(m.wrong for m in measured)}, " + str(sum(m.wrong_on_can for m in measured)),
+    return (
+        "  ".join(cells)
+        + "".join(f"; {why}" for why in (*report.failures, report.void) if why)
+        + (f" ({report.told})" * bool(report.told))
     )
-    yield "wrong attitudes marked valid", str(sum(m.wrong_attitudes for m in measured))
-    yield "too old ground marked valid", str(sum(m.stale for m in measured))
-    yield "fault-free time", f"{free.seconds:.0f} s, {free.frames} frames"
-    yield "of these valid, wrong, too old", f"{100 * free.valid_share:.2f} %, {free.wrong}, {free.stale}"
-    yield "wrong attitudes in that time", str(free.wrong_attitudes)
-    if process is not None:
-        yield "longest run of one daemon", f"{process.seconds:.0f} s"
-        yield "its memory", "{:.0f} → {:.0f} MB".format(*process.memory_mb)
-        yield "its threads, open files", "{} → {}, ".format(*process.threads) + "{} → {}".format(*process.open_files)
-    yield "starts, stops that hung", f"{report.starts}, {report.hung_stops}"
-    yield "messages not judged by age (the test itself was late)", str(report.held_up)
+
+
+def claim_row(claim: Claim) -> list[str]:
+    """Return a claim's row; a goal that was missed is marked."""
+    return [claim.claim, claim.goal, claim.figure + " MISSED" * (claim.met is False)]
 
 
 def _short(seconds: float) -> str:
