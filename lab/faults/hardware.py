@@ -5,6 +5,9 @@ import time
 from collections import deque
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lab.faults.faulty_camera import FaultyCamera
 from sim_rig.imu.data_ready import SimulatedDataReady
 from sim_rig.imu.i2c_bus import I2cWires
@@ -29,6 +32,11 @@ class FaultyChip:
         self._due: deque[Callable[[Mpu6050Chip], None]] = deque()
         self.repeated: dict[str, Callable[[Mpu6050Chip], None]] = {}
         self.answer: int | None = None
+
+    @property
+    def distortion(self) -> Callable[[NDArray[np.int16]], NDArray[np.int16]] | None:
+        """Return what is done to the chip's counts (n, 7), if anything."""
+        return self._chip.distortion
 
     def do(self, action: Callable[[Mpu6050Chip], None]) -> None:
         """Let `action` happen to the chip before the next transfer."""

@@ -61,7 +61,7 @@ def _repeated(times: int) -> Distortion:
 def _warming() -> Distortion:
     """Return an accelerometer that warms by 40 °C within 4 s; its biases follow the temperature, 1 mg/°C on x and z.
 
-    The data sheet's zero-g change is ±35 mg (x, y) and ±60 mg (z) from 0 to 70 °C.
+    That is more than the data sheet's zero-g change, ±35 mg (x, y) and ±60 mg (z) from 0 to 70 °C.
     """
     began_s = time.monotonic()
 
