@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-MOST_WAITING = 0.5
+MOST_WAITING = 0.6
 """For this share of the time at most some program may wait for a processor; rig and service are a part of it."""
 MOST_LATE = 0.02
 """Of the frames, this share at most may be rendered too late."""

@@ -105,7 +105,7 @@ class Campaign:
     def _attempt(self, trial: Trial) -> Attempt:
         """Run a trial once; all that is heard from the end of the attempt before it on is accounted for."""
         daemon, heard = self._daemon, self._daemon.listener
-        began_s, wrong, held_up = time.monotonic(), heard.wrong, heard.held_up
+        began_s, wrong, held_up = time.monotonic(), daemon.wrong, heard.held_up
         starts, hung = daemon.starts, daemon.hung_stops
         report = self._once(trial)
         free, daemon.free = daemon.free, FaultFree()
@@ -113,7 +113,7 @@ class Campaign:
             trial=report,
             seconds=time.monotonic() - began_s,
             fault_free=free,
-            elsewhere=heard.wrong - wrong - report.wrong - free.all_wrong(),
+            elsewhere=daemon.wrong - wrong - report.wrong - free.all_wrong(),
             starts=daemon.starts - starts,
             hung_stops=daemon.hung_stops - hung,
             held_up=heard.held_up - held_up,

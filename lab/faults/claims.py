@@ -17,6 +17,7 @@ from lab.faults.report import CampaignReport, TrialReport
 LEAST_VALID = 0.995
 """Of the frames without a fault and away from edges, this share must be valid."""
 _NAMED = 6
+_NONE = Wrong()
 
 
 class Claim(msgspec.Struct, frozen=True, kw_only=True):
@@ -93,15 +94,16 @@ def _wrong(report: CampaignReport) -> Iterator[Claim]:
     yield _wrong_in("single faults that can be detected", [t for t in detectable if t.faults == 1], goal="0")
     yield _wrong_in("pairs of faults", [t for t in detectable if t.faults > 1], goal="0")
     yield _wrong_in("undetectable faults", listed, goal="counted")
-    yield _wrong_in("trials that the host made void", [t for t in report.trials if t.void], goal="counted")
+    void = [trial for trial in report.trials if trial.void]
+    yield _wrong_in("void trials and the time about them", void, goal="counted", besides=report.disturbed)
     free = report.fault_free.all_wrong()
     yield _wrong_row("without a fault", free, f"{report.fault_free.frames} frames", goal="0")
-    yield _wrong_row("starts, between trials", report.elsewhere, "", goal="0")
+    yield _wrong_row("starts and disturbed time", report.elsewhere, "", goal="0")
     yield _wrong_row("all of these", report.all_wrong(), "", goal="")
 
 
-def _wrong_in(place: str, trials: Sequence[TrialReport], goal: str) -> Claim:
-    total = sum((trial.wrong for trial in trials), Wrong())
+def _wrong_in(place: str, trials: Sequence[TrialReport], goal: str, besides: Wrong = _NONE) -> Claim:
+    total = sum((trial.wrong for trial in trials), besides)
     amiss = [trial for trial in trials if trial.wrong]
     found = [trial.measured for trial in amiss if trial.measured is not None]
     where = f"{len(trials)} trials"

@@ -19,6 +19,7 @@ from drivers.zenoh.settings import SOCKET
 from lab.evaluation.busy_host import Burden, ProcessorPressure
 from lab.faults.can_adapter import SimulatedCanAdapter
 from lab.faults.catalogue import carry_out
+from lab.faults.criteria import Wrong
 from lab.faults.daemon_process import DEVICE, DaemonPlan, DaemonProcess, Order, open_files, resident_mb, threads
 from lab.faults.fault import Fault, HardwareAction, OutsideAction
 from lab.faults.listener import Listener
@@ -76,6 +77,7 @@ class DaemonUnderTest:
         self._looked_s = 0.0
         self._free_from_ns: int | None = None
         self._free_mark: Mark | None = None
+        self._wrong_then = Wrong()
 
     # The daemon
 
@@ -119,6 +121,11 @@ class DaemonUnderTest:
             heard=self.listener.heard - since.heard,
             held_up=self.listener.held_up - since.held_up,
         )
+
+    @property
+    def wrong(self) -> Wrong:
+        """Return all that was ever wrong and marked valid, but for fault-free time that goes on."""
+        return self.listener.wrong if self._free_from_ns is None else self._wrong_then
 
     # Faults
 
@@ -198,7 +205,7 @@ class DaemonUnderTest:
 
     def begin_free(self) -> None:
         """Count what is heard from now on as fault-free."""
-        self._free_from_ns, self._free_mark = time.monotonic_ns(), self.mark()
+        self._free_from_ns, self._free_mark, self._wrong_then = time.monotonic_ns(), self.mark(), self.listener.wrong
 
     def end_free(self) -> None:
         """End the fault-free time; one that the host disturbed, or in which the rig lost frames, proves nothing."""

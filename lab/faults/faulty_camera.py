@@ -22,6 +22,8 @@ ImageChange = Callable[[Pair], Pair]
 FRAME_RATE_HZ = 20
 TRANSFER_S = 0.022
 SLOTS = 40
+_SILENCE_NS = 500_000_000  # without a frame for so long, the rendering process has stopped for want of room
+_CATCHING_UP_NS = 1_000_000_000
 
 
 class FaultyCamera(Mapping[int, Fault]):
@@ -29,7 +31,8 @@ class FaultyCamera(Mapping[int, Fault]):
 
     `image_changes` by name change images, `frame_faults` by name give the fault of a frame (by its number k), both in
     the order in which they came. A frame that the rendering process did not finish in time is lost, and counted in
-    `rig_late`: that is the rig's own failure. It is its node's table of frame faults as well.
+    `rig_late`: that is the rig's own failure, unless the process starts or catches up after a camera that did not
+    stream. It is its node's table of frame faults as well.
     """
 
     def __init__(self, wearer: SimulatedWearer) -> None:
@@ -40,6 +43,8 @@ class FaultyCamera(Mapping[int, Fault]):
         self.image_changes: dict[str, ImageChange] = {}
         self.frame_faults: dict[str, Callable[[int], Fault | None]] = {}
         self.rig_late = 0
+        self._exposed_ns = self._due_again_ns = 0
+        self._began = False
         self.node = V4l2Node(
             self._pictures,
             LinuxKernel(),
@@ -56,11 +61,16 @@ class FaultyCamera(Mapping[int, Fault]):
         self._frames.close()
 
     def __getitem__(self, _frame: int) -> Fault:
-        k = self._now_exposed
+        k, now_ns = self._now_exposed, self.node.monotonic_ns()
+        if now_ns - self._exposed_ns > _SILENCE_NS:
+            self._due_again_ns = now_ns + _CATCHING_UP_NS
+        self._exposed_ns = now_ns
         faults = (of_frame(k) for of_frame in self.frame_faults.values())
         fault = next((found for found in faults if found is not None), None)
-        if not self._show(k) and fault is not Fault.UNPLUG:
-            self.rig_late += fault is not Fault.LOST
+        if self._show(k):
+            self._began = True
+        elif fault is not Fault.UNPLUG:
+            self.rig_late += fault is not Fault.LOST and self._began and now_ns > self._due_again_ns
             fault = Fault.LOST
         if fault is None:
             raise KeyError(k)

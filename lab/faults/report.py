@@ -117,7 +117,10 @@ class Attempt(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CampaignReport(msgspec.Struct, frozen=True, kw_only=True):
-    """The whole campaign: every attempt at every trial, in order; of each trial the last attempt stands."""
+    """The whole campaign: every attempt at every trial, in order; of each trial the last attempt stands.
+
+    `elsewhere` is what was wrong neither in a trial nor in fault-free time, `disturbed` the same about void trials.
+    """
 
     seed: int
     scenario: str
@@ -125,6 +128,7 @@ class CampaignReport(msgspec.Struct, frozen=True, kw_only=True):
     trials: list[TrialReport]
     fault_free: FaultFree
     elsewhere: Wrong
+    disturbed: Wrong
     process: Process | None
     starts: int
     hung_stops: int
@@ -133,10 +137,9 @@ class CampaignReport(msgspec.Struct, frozen=True, kw_only=True):
     @classmethod
     def of(cls, seed: int, scenario: str, attempts: Sequence[Attempt]) -> "CampaignReport":
         """Return the report of these attempts."""
-        free, elsewhere = FaultFree(), Wrong()
+        free = FaultFree()
         for attempt in attempts:
             free.add(attempt.fault_free)
-            elsewhere += attempt.elsewhere
         processes = [attempt.process for attempt in attempts if attempt.process is not None]
         return cls(
             seed=seed,
@@ -144,7 +147,8 @@ class CampaignReport(msgspec.Struct, frozen=True, kw_only=True):
             seconds=sum(attempt.seconds for attempt in attempts),
             trials=[attempt.trial for attempt in attempts],
             fault_free=free,
-            elsewhere=elsewhere,
+            elsewhere=sum((a.elsewhere for a in attempts if not a.trial.void), Wrong()),
+            disturbed=sum((a.elsewhere for a in attempts if a.trial.void), Wrong()),
             process=max(processes, key=lambda process: process.seconds, default=None),
             starts=sum(attempt.starts for attempt in attempts),
             hung_stops=sum(attempt.hung_stops for attempt in attempts),
@@ -170,4 +174,5 @@ class CampaignReport(msgspec.Struct, frozen=True, kw_only=True):
 
     def all_wrong(self) -> Wrong:
         """Return all that was wrong and marked valid, wherever it was heard."""
-        return sum((trial.wrong for trial in self.trials), self.fault_free.all_wrong() + self.elsewhere)
+        between = self.fault_free.all_wrong() + self.elsewhere + self.disturbed
+        return sum((trial.wrong for trial in self.trials), between)

@@ -16,7 +16,7 @@ LINES = "some avg10=3.00 avg60=2.00 avg300=1.00 total=2500000\nfull avg10=0.00 a
     [
         (Burden(waiting=0.3, frames=200, frames_late=4, heard=1000, held_up=50), ""),
         (Burden(waiting=None, frames=200), ""),
-        (Burden(waiting=0.51), "programs waited for a processor 51 % of the time"),
+        (Burden(waiting=0.61), "programs waited for a processor 61 % of the time"),
         (Burden(waiting=0.1, frames=200, frames_late=5), "5 of 200 frames were rendered too late"),
         (Burden(waiting=None, heard=1000, held_up=51), "51 of 1000 messages came while the listener was held up"),
         (Burden(waiting=0.8, frames=10, frames_late=9), "programs waited for a processor 80 % of the time, 9 of 10"),

@@ -13,7 +13,7 @@ from lab.faults import campaign as module
 from lab.faults.campaign import Campaign, Trial
 from lab.faults.catalogue import CATALOGUE
 from lab.faults.criteria import Wrong
-from lab.faults.report import Attempt, TrialReport
+from lab.faults.report import Attempt, CampaignReport, TrialReport
 from tests.lab.faults.made_up import attempt
 
 FINE = Burden(waiting=0.2, frames=200, heard=1000)
@@ -95,3 +95,17 @@ def test_a_campaign_goes_on_from_its_file(monkeypatch: pytest.MonkeyPatch, tmp_p
     assert "1 of 3 trials to run" in output
     assert isinstance(facts["trials"], list)
     assert [trial["name"] for trial in facts["trials"]].count("cam-frozen-noisy") == 4
+
+
+def test_what_was_wrong_outside_the_trial_is_counted_elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def once(campaign: Campaign, _trial: Trial) -> TrialReport:
+        campaign._daemon.listener.wrong += Wrong(5, 3, 1)
+        return attempt(wrong=Wrong(2, 1, 0)).trial
+
+    monkeypatch.setattr(Campaign, "_once", once)
+    told: list[Attempt] = []
+    campaign = Campaign(1, tmp_path, told.append)
+    campaign.run([Trial((CATALOGUE[name],)) for name in ("cam-frozen", "cam-silent")])
+    campaign.close()
+    assert [made.elsewhere for made in told] == [Wrong(3, 2, 1)] * 2
+    assert CampaignReport.of(1, "ramps", told).all_wrong() == campaign._daemon.listener.wrong == Wrong(10, 6, 2)

@@ -199,3 +199,33 @@ def test_a_warming_accelerometer_is_off_as_its_temperature_tells(
     assert not shown[[1, 4, 5, 6]].any()
     carry_out(hardware, Order("imu-accel-warming", inject=False))
     touch(hardware)
+
+
+def test_frames_that_come_late_are_the_rigs_failure_but_for_a_start_and_after_a_silence(
+    hardware: FaultyHardware, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera = hardware.camera
+    now_ns, rendered = 0, False
+    monkeypatch.setattr(camera, "_show", lambda _k: rendered)
+    monkeypatch.setattr(camera.node, "monotonic_ns", lambda: now_ns)
+    monkeypatch.setattr(camera, "_exposed_ns", 0)
+
+    def frames(count: int) -> int:
+        """Let frames be exposed, and return how many of them count as late."""
+        nonlocal now_ns
+        before = camera.rig_late
+        for _ in range(count):
+            now_ns += 50_000_000
+            camera.get(0)
+        return camera.rig_late - before
+
+    assert frames(40) == 0  # the rendering process starts
+    rendered = True
+    assert frames(40) == 0
+    rendered = False
+    assert frames(40) == 40
+    rendered, now_ns = True, now_ns + 2_000_000_000
+    assert frames(1) == 0
+    rendered = False
+    assert frames(15) == 0  # it catches up
+    assert frames(40) > 30

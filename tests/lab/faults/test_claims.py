@@ -75,7 +75,7 @@ def test_a_void_trial_judges_nothing_but_what_was_wrong_in_it_is_counted() -> No
     found = rows(late)
     assert found["flagged after: missing, frozen, black, late frames"].met is None
     assert found["trials, seed 1, 0.1 min"].figure == "1: 0 passed, 0 failed, 0 undetectable, 1 void"
-    assert wrong_rows(found)["trials that the host made void"] == Wrong(zenoh=3)
+    assert wrong_rows(found)["void trials and the time about them"] == Wrong(zenoh=3)
     assert report.passed
     assert [trial.name for trial in report.void] == ["cam-z"]
 
