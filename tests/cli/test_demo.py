@@ -2,7 +2,6 @@
 
 import itertools
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -19,27 +18,27 @@ CALM = itertools.repeat(0.0).__next__
 STARVED = itertools.count(0.0, 100.0).__next__  # another 100 s waited at each look
 
 
-@pytest.mark.parametrize(("waited_s", "void"), [(CALM, False), (STARVED, True)], ids=["calm", "starved"])
-def test_figures_of_a_starved_host_are_void(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, waited_s: Callable[[], float], void: bool
-) -> None:
-    monkeypatch.setattr(busy_host, "waited_s", waited_s)
-    monkeypatch.setattr(busy_host, "MOST_LATE", 1.0)  # the renderer of the machine that tests is not on trial
-    facts = tmp_path / "facts.json"
-    zenoh = f"{SOCKET}{tmp_path / 'z.sock'}"
-    done = CliRunner().invoke(
-        app, ["demo", "--seconds", "1", "--zenoh", zenoh, "--can", "virtual:test", "--json", str(facts)]
-    )
-    assert done.exit_code == (VOID if void else 0), done.output
-    assert ("These figures are void" in done.output) is void
-    assert bool(json.loads(facts.read_bytes())["void"]) is void
+def demo(folder: Path) -> tuple[int, str, str]:
+    """Return the exit code, what was printed and what the summary for a program calls void."""
+    facts, zenoh = folder / "facts.json", f"{SOCKET}{folder / 'z.sock'}"
+    command = ["demo", "--seconds", "1", "--zenoh", zenoh, "--can", "virtual:test", "--json", str(facts)]
+    done = CliRunner().invoke(app, command)
+    return done.exit_code, done.output, json.loads(facts.read_bytes())["void"]
 
 
-def test_frames_that_are_rendered_too_late_make_figures_void(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_figures_of_a_starved_host_are_void(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(busy_host, "waited_s", STARVED)
+    code, output, void = demo(tmp_path)
+    assert code == VOID
+    assert "These figures are void" in output
+    assert "programs waited for a processor" in void
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("most_late", [1.0, -1.0], ids=["any number may be late", "none may be, and none is too many"])
+def test_figures_of_a_late_renderer_are_void(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_late: float) -> None:
     monkeypatch.setattr(busy_host, "waited_s", CALM)
-    monkeypatch.setattr(busy_host, "MOST_LATE", -1.0)  # none at all is then too many
-    done = CliRunner().invoke(
-        app, ["demo", "--seconds", "1", "--zenoh", f"{SOCKET}{tmp_path / 'z.sock'}", "--can", "virtual:test"]
-    )
-    assert done.exit_code == VOID
-    assert "frames were rendered too late" in done.output
+    monkeypatch.setattr(busy_host, "MOST_LATE", most_late)  # so that the machine that tests is not on trial
+    code, output, void = demo(tmp_path)
+    assert code == (0 if most_late > 0.0 else VOID)
+    assert ("frames were rendered too late" in output) is bool(void) is (code == VOID)

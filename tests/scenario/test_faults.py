@@ -3,6 +3,10 @@
 Nothing here depends on how fast the machine is: limits of time are for `gaiteyes faults` on a machine of its own.
 """
 
+from contextlib import closing
+from pathlib import Path
+
+import msgspec
 import pytest
 from typer.testing import CliRunner
 
@@ -10,7 +14,7 @@ from cli.main import app
 from lab.faults.campaign import Campaign, Trial
 from lab.faults.catalogue import CATALOGUE
 from lab.faults.claims import claims
-from lab.faults.daemon_under_test import SCENARIO
+from lab.faults.daemon_under_test import SCENARIO, DaemonUnderTest
 from lab.faults.report import Attempt, CampaignReport, TrialReport
 from lab.faults.tables import CLAIM_COLUMNS, COLUMNS, claim_row, line, row
 from messages import Reason
@@ -72,6 +76,14 @@ def test_a_campaign_reads_as_a_table_and_as_json(campaign: CampaignReport) -> No
     disturbed = any(report.rig_late or report.void for report in campaign.trials)
     assert campaign.fault_free.frames > 0 or disturbed
     assert campaign.process is not None
+
+
+def test_a_fault_may_be_there_before_the_start(tmp_path: Path) -> None:
+    with closing(DaemonUnderTest(1, tmp_path)) as daemon:
+        daemon.start(msgspec.structs.replace(daemon.plan, from_start=("cam-both-black",)))
+        grounds = daemon.listener.grounds
+        assert daemon.listen(60.0, lambda: any(h.ground.reason is Reason.LOW_TEXTURE for h in grounds))
+        assert not any(h.valid for h in grounds)
 
 
 def test_the_catalogue_is_listed_and_an_unknown_name_is_one_line() -> None:

@@ -29,7 +29,7 @@ def test_what_was_kept_is_there_again_and_what_was_void_is_not_done(tmp_path: Pa
 
 
 @given(cut=st.integers(0, 4000))
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_file_cut_anywhere_keeps_its_whole_lines_and_goes_on(tmp_path: Path, cut: int) -> None:
     path = tmp_path / "f"
     whole = written(path)
