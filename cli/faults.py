@@ -80,13 +80,13 @@ def faults(
     report = CampaignReport.of(seed, SCENARIO, attempts)
     rows = list(claims(report))
     table("Faults", COLUMNS, [row(trial) for trial in report.trials])
-    command = "gaiteyes faults" + f" --only {only}" * (only is not None) + f" --pairs {pairs} --seed {seed}"
+    command = "gaiteyes faults" + (f" --pairs {pairs}" if only is None else f" --only {only}") + f" --seed {seed}"
     table(command, CLAIM_COLUMNS, [claim_row(claim) for claim in rows], words=True)
     if json is not None:
-        facts = {"command": command, "claims": rows, "void": [trial.name for trial in report.void]}
+        facts = {"command": command, "claims": rows, "void": report.void}
         write_json(json, facts | msgspec.to_builtins(report))
     if report.void:
-        console.print(f"Void, the host was too busy: {', '.join(trial.name for trial in report.void)}.", soft_wrap=True)
+        console.print(f"Void, the host was too busy: {', '.join(report.void)}.", soft_wrap=True)
     if not report.passed:
         raise typer.Exit(1)
     if report.void:

@@ -128,7 +128,7 @@ def _without_a_fault(report: CampaignReport) -> Iterator[Claim]:
         goal=f"{100 * LEAST_VALID:.1f} %",
         figure=f"{100 * share:.2f} % of {free.away} frames; of all {free.frames} {100 * free.valid_share:.2f} %"
         if free.frames
-        else "void: the host left no time undisturbed",
+        else f"none: the host disturbed {free.left_out_s:.0f} s",
         met=share >= LEAST_VALID if free.away else None,
     )
     yield Claim(

@@ -216,6 +216,7 @@ class DaemonUnderTest:
             return
         burden = self.burden(mark)
         if burden.frames_late or burden.too_much:
+            self.free.left_out_s += 1e-9 * (t_ns - from_ns)
             return
         heard = [h for h in self.listener.grounds if from_ns < h.t_ns <= t_ns]
         away = [h for h in heard if not h.truth.transition]

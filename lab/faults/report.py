@@ -48,9 +48,13 @@ class TrialReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FaultFree(msgspec.Struct, kw_only=True):
-    """What was heard while nothing was wrong, between the trials; `away` are frames without an edge at the foothold."""
+    """What was heard while nothing was wrong, between the trials; `away` are frames without an edge at the foothold.
+
+    `left_out_s` is the time that the host disturbed; nothing of it is counted.
+    """
 
     seconds: float = 0.0
+    left_out_s: float = 0.0
     frames: int = 0
     valid: int = 0
     away: int = 0
@@ -161,9 +165,11 @@ class CampaignReport(msgspec.Struct, frozen=True, kw_only=True):
         return list({trial.name: trial for trial in self.trials}.values())
 
     @property
-    def void(self) -> list[TrialReport]:
-        """Return the trials that prove nothing, though they were repeated."""
-        return [trial for trial in self.standing if trial.void]
+    def void(self) -> list[str]:
+        """Return what proves nothing: trials, though they were repeated, and fault-free time without a sound part."""
+        free = self.fault_free
+        disturbed = bool(free.left_out_s) and not free.frames
+        return [trial.name for trial in self.standing if trial.void] + ["the time without a fault"] * disturbed
 
     @property
     def passed(self) -> bool:

@@ -77,7 +77,16 @@ def test_a_void_trial_judges_nothing_but_what_was_wrong_in_it_is_counted() -> No
     assert found["trials, seed 1, 0.1 min"].figure == "1: 0 passed, 0 failed, 0 undetectable, 1 void"
     assert wrong_rows(found)["void trials and the time about them"] == Wrong(zenoh=3)
     assert report.passed
-    assert [trial.name for trial in report.void] == ["cam-z"]
+    assert report.void == ["cam-z"]
+
+
+def test_disturbed_time_without_a_fault_is_void_unless_some_of_it_was_sound() -> None:
+    def void(*free: FaultFree) -> list[str]:
+        return CampaignReport.of(1, "ramps", [attempt(free=each) for each in free]).void
+
+    assert void(FaultFree(left_out_s=3.0)) == ["the time without a fault"]
+    assert not void(FaultFree(left_out_s=3.0), FaultFree(seconds=3.0, frames=60))
+    assert not void(FaultFree())
 
 
 def test_the_last_attempt_at_a_trial_stands() -> None:
