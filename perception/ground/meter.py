@@ -13,6 +13,7 @@ from perception.depth.disparity import DisparityCamera, DisparityPatch, OutOfRan
 from perception.depth.eye_shifts import EyeShifts
 from perception.depth.repeats import NO_REPEATS, Repeats
 from perception.depth.stereo_camera import StereoCamera
+from perception.ground.block_errors import blocks
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane, PlaneFit, PlaneFitter
 from perception.ground.relief import relief_cov
@@ -94,14 +95,15 @@ class GroundMeter:
         if matched_share < self.least_matched_share or np.count_nonzero(inside) < _LEAST_PIXELS:
             return GroundMeasurement(Reason.LOW_TEXTURE, matched_share)
 
+        block = blocks(disparity_px.shape, stride)[inside]
         rays_H, disparity_px, points_H = rays_H[inside], disparity_px[inside], points_H[inside]
-        fit = self._fitter.fit(rays_H, disparity_px, region.weights(points_H), stride=stride, expected=expected)
+        fit = self._fitter.fit(rays_H, disparity_px, region.weights(points_H), block=block, expected=expected)
         if fit is None or fit.noise_px >= self._fitter.most_noise_px or fit.inlier_share < self.least_inlier_share:
             return GroundMeasurement(Reason.NOT_PLANAR, matched_share)
         if fit.plane.steepness_rad > self._fitter.steepest_rad:
             return GroundMeasurement(Reason.TOO_STEEP, matched_share)
         misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
-        lasting = relief_cov(fit, points_H, misfit_px, region) + self._residual_cov(fit.plane, R_HC)
+        lasting = relief_cov(fit, points_H, misfit_px, block, region) + self._residual_cov(fit.plane, R_HC)
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)
 
     def find_repeats(

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from messages.arrays import FloatArray
+from messages.arrays import FloatArray, IntArray
+from perception.ground.block_errors import covariance_of_sum
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,7 @@ class PlaneFit:
 class PlaneFitter:
     """Robust fit: consensus over sampled planes, then Tukey's biweight.
 
-    `fB_px_m` is focal length times baseline; `correlation_px` the number of neighbouring pixels that share one
-    error of the matcher, by which the covariance is widened.
+    `fB_px_m` is focal length times baseline.
     """
 
     fB_px_m: float
@@ -71,7 +71,6 @@ class PlaneFitter:
     least_noise_px: float = 0.04
     most_noise_px: float = 0.6
     steepest_rad: float = float(np.radians(40.0))
-    correlation_px: float = 180.0
     iterations: int = 6
 
     def fit(
@@ -80,17 +79,18 @@ class PlaneFitter:
         disparity_px: FloatArray,
         weight: FloatArray,
         *,
-        stride: int = 1,
+        block: IntArray | None = None,
         expected: Plane | None = None,
     ) -> PlaneFit | None:
         """Return the plane best supported by rays (N, 3) in H seen at `disparity_px` (N,), or None if none is.
 
-        `weight` (N,) ≥ 0 says how much each pixel counts; every `stride`-th row and column of the image was taken;
-        `expected` joins the candidates. Planes steeper than `steepest_rad` (risers, walls) are no candidates.
-        Deterministic: the samples come from a fixed sequence.
+        `weight` (N,) ≥ 0 says how much each pixel counts, `block` (N,) in which block of the picture it lies, within
+        which errors are alike; without it all errors are independent. `expected` joins the candidates. Planes steeper
+        than `steepest_rad` (risers, walls) are no candidates. Deterministic: the samples come from a fixed sequence.
         """
         theta = self._consensus(rays, disparity_px, weight, expected)
-        return None if theta is None else self._refine(rays, disparity_px, weight, theta, stride)
+        block = np.arange(len(weight)) if block is None else block
+        return None if theta is None else self._refine(rays, disparity_px, weight, theta, block)
 
     def _consensus(
         self, rays: FloatArray, disparity_px: FloatArray, weight: FloatArray, expected: Plane | None
@@ -117,7 +117,7 @@ class PlaneFitter:
         return best
 
     def _refine(
-        self, rays: FloatArray, disparity_px: FloatArray, weight: FloatArray, theta: FloatArray, stride: int
+        self, rays: FloatArray, disparity_px: FloatArray, weight: FloatArray, theta: FloatArray, block: IntArray
     ) -> PlaneFit | None:
         scale_px = self.tolerance_px
         inverse = np.empty((3, 3))
@@ -140,9 +140,9 @@ class PlaneFitter:
                 break
         if theta[2] >= 0.0:
             return None
-        shared = max(1.0, self.correlation_px / stride**2)
-        theta_cov = scale_px**2 * shared * inverse @ (weighted.T @ weighted) @ inverse
-        inliers = np.abs(disparity_px - rays @ theta) < 3.0 * scale_px
+        misfit = disparity_px - rays @ theta
+        theta_cov = inverse @ covariance_of_sum(weighted * misfit[:, None], block) @ inverse
+        inliers = np.abs(misfit) < 3.0 * scale_px
         to_plane = self.jacobian(theta)
         return PlaneFit(
             plane=Plane(

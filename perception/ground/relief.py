@@ -2,20 +2,24 @@
 
 import numpy as np
 
-from messages.arrays import BoolArray, FloatArray
+from messages.arrays import BoolArray, FloatArray, IntArray
+from perception.ground.block_errors import covariance_of_sum
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import PlaneFit
 
 
-def relief_cov(fit: PlaneFit, points_H: FloatArray, misfit_px: FloatArray, region: FootholdSettings) -> FloatArray:
+def relief_cov(
+    fit: PlaneFit, points_H: FloatArray, misfit_px: FloatArray, block: IntArray, region: FootholdSettings
+) -> FloatArray:
     """Return the covariance (3, 3) of (a, b, h) that relief adds.
 
-    `points_H` (N, 3) are the points given to the fit, `misfit_px` (N,) their disparities minus the plane's.
+    `points_H` (N, 3) are the points given to the fit, `misfit_px` (N,) their disparities minus the plane's, `block`
+    (N,) the picture's blocks in which they lie.
     """
     weight = region.weights(points_H)
     inlier = np.abs(misfit_px) < 3.0 * fit.noise_px
     rise_m = fit.plane.rise_m(points_H)
-    cov = _crease(points_H[inlier, 0], rise_m[inlier], weight[inlier], region)
+    cov = _crease(points_H[inlier, 0], rise_m[inlier], weight[inlier], block[inlier], region)
     cov[2, 2] += _step_variance_m2(rise_m, inlier, weight)
     return cov
 
@@ -28,19 +32,24 @@ def _step_variance_m2(rise_m: FloatArray, inlier: BoolArray, weight: FloatArray)
     return float(share * (1.0 - share) * np.average(rise_m[~inlier] ** 2, weights=weight[~inlier]))
 
 
-def _crease(x_m: FloatArray, rise_m: FloatArray, weight: FloatArray, region: FootholdSettings) -> FloatArray:
+def _crease(
+    x_m: FloatArray, rise_m: FloatArray, weight: FloatArray, block: IntArray, region: FootholdSettings
+) -> FloatArray:
     """Return the covariance of a bend along the region, such as the foot of a ramp.
 
     With rise = c₀ + c₁ ξ + c₂ ξ², ξ from −1 to 1 along the half-length l, the slope wanders by 2 c₂ ξ / l about its
-    middle. The mean square of that over ξ is added, significant or not: the edge of a ramp enters by a small bend. The
-    region's middle stays where it is, so h turns with the slope about it.
+    middle. The mean square of that over ξ is added, significant or not: the edge of a ramp enters by a small bend. What
+    the matcher's errors alone make of c₂² on average, its variance, is taken off. The region's middle stays where it
+    is, so h turns with the slope about it.
     """
     half_length_m = region.half_length_m
     xi = (x_m - region.ahead_m) / half_length_m
     terms = np.stack((np.ones(len(xi)), xi, xi**2), axis=-1)
-    information = terms.T @ (terms * weight[:, None])
-    c2_m = float(np.linalg.solve(information, terms.T @ (weight * rise_m))[2])
-    slope_variance = 4.0 / 3.0 * c2_m**2 / half_length_m**2
+    weighted = terms * weight[:, None]
+    inverse = np.linalg.inv(terms.T @ weighted)
+    c_m = inverse @ (weighted.T @ rise_m)
+    chance = inverse @ covariance_of_sum(weighted * (rise_m - terms @ c_m)[:, None], block) @ inverse
+    slope_variance = 4.0 / 3.0 * max(0.0, float(c_m[2] ** 2 - chance[2, 2])) / half_length_m**2
     pivot = np.array([1.0, 0.0, region.ahead_m])
     cov: FloatArray = slope_variance * np.outer(pivot, pivot)
     return cov

@@ -6,6 +6,12 @@ contradicts the track (an edge: kerb, stair, foot of a ramp) starts a new one on
 match of a picture that shows nothing does not come twice. The attitude's error is common to all
 frames of a track until the attitude is corrected: a Kalman filter that goes from covariance P to P' corrects itself by
 N(0, P − P'), and the track has it still.
+
+How uncertain the plane is, the filter's own covariance does not tell: its process noise is what lets it follow, and
+frames 50 ms apart see one texture from nearly one place, so that averaging takes little off the matcher's errors. With
+z the newest frame's plane, of covariance R, the track's plane x = z + (x − z), and x − z is known: to second moments
+
+    E[(x − true)(x − true)ᵀ] = R + (x − z)(x − z)ᵀ                                                            (2)
 """
 
 from dataclasses import dataclass
@@ -71,7 +77,7 @@ class PlaneTracker:
         None where the frame contradicts the track, or there is none, and the frame before does not confirm it; one of
         which little matched confirms nothing, nor does one that `may_begin` no track.
         `attitude_cov_W` (2, 2), rad², is what the attitude's covariance means for the gradient in W. It is told apart:
-        the covariance that is returned is without it.
+        the covariance that is returned, (2), is without it.
         """
         turn = _turn(R_WH)
         jitter = self._settings.attitude_jitter_rad**2
@@ -86,7 +92,8 @@ class PlaneTracker:
         if track is None:
             return None
         self._track, self._candidate = track, None
-        return _plane(turn.T @ track.state), turn.T @ track.cov @ turn
+        lag_H = turn.T @ (track.state - seen.state)
+        return _plane(turn.T @ track.state), fit.covariance + np.outer(lag_H, lag_H)
 
     def _joined(self, before: _Track | None, seen: _Track, within_s: float) -> _Track | None:
         """Return `before` with what is seen, or None where they contradict each other or are farther apart."""
