@@ -198,6 +198,7 @@ class Pipeline:
             height_rate_mps=placed.vertical_swing_mps,
             v_W_mps=placed.v_W_mps,
             distance_scale=self._attitude.distance_scale,
+            focal_difference=self._motion.focal_difference,
             reduced=self._load is Load.REDUCED,
         )
 

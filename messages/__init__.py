@@ -1,5 +1,6 @@
 from messages.arrays import DepthImage, GreyImage
 from messages.calibration import (
+    NO_RESIDUAL,
     Calibration,
     DepthCalibration,
     DepthUnitCalibration,
@@ -98,6 +99,7 @@ __all__ = [
     "LoadLevel",
     "Matrix3",
     "Motion",
+    "NO_RESIDUAL",
     "Pose",
     "Quaternion",
     "Reason",

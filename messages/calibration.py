@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
+from messages.constants import STANDARD_GRAVITY_MPS2
 from messages.inputs import Vec3
 
 Matrix3 = tuple[Vec3, Vec3, Vec3]
@@ -111,12 +112,27 @@ class DepthCalibration(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ImuCalibration(msgspec.Struct, frozen=True, kw_only=True):
-    """Corrected value = matrix · (measured − bias), for specific force and angular rate, in B."""
+    """Corrected value = matrix · (measured − bias), for specific force and angular rate, in B.
+
+    `temperature_degC` is the die's when the accelerometer's bias was found; unset where a file does not tell.
+    """
 
     sf_matrix: Matrix3
     sf_bias_mps2: Vec3
     w_matrix: Matrix3
     w_bias_radps: Vec3
+    temperature_degC: float | msgspec.UnsetType = msgspec.UNSET
+
+    @property
+    def calibrated_at(self) -> tuple[float, float]:
+        """Return the die's temperature, °C, when the accelerometer's bias was found, and its deviation, K."""
+        if isinstance(self.temperature_degC, msgspec.UnsetType):
+            return USUAL_CALIBRATION_DEGC
+        return self.temperature_degC, 0.0
+
+
+USUAL_CALIBRATION_DEGC = (30.0, 5.0)
+"""A die in a room, some 8 K warmer than its air; one standard deviation of it, K."""
 
 
 class Residual(msgspec.Struct, frozen=True, kw_only=True):
@@ -124,6 +140,11 @@ class Residual(msgspec.Struct, frozen=True, kw_only=True):
 
     `toe_in_rad` is the angle between the optical axes of the pair, that inside a depth camera too; `rows_rad` by how
     much what lenses and rectification leave moves one eye's picture against the other's, here and there.
+    `focal_length` is relative, of each eye, independently; `baseline` relative. `specific_force_mps2_per_K` is by what
+    the accelerometer's bias changes with each kelvin of its die, on each axis.
+
+    What a file does not state, as those written before these terms existed, is unset, and leaves the calibration's id
+    as it was; the properties `*_std` then are the defaults below.
     """
 
     specific_force_mps2: NonNegative = 0.0
@@ -132,6 +153,39 @@ class Residual(msgspec.Struct, frozen=True, kw_only=True):
     rows_rad: NonNegative = 0.0
     camera_to_imu_rad: NonNegative = 0.0
     time_s: NonNegative = 0.0
+    focal_length: NonNegative | msgspec.UnsetType = msgspec.UNSET
+    baseline: NonNegative | msgspec.UnsetType = msgspec.UNSET
+    specific_force_mps2_per_K: NonNegative | msgspec.UnsetType = msgspec.UNSET
+
+    @property
+    def focal_length_std(self) -> float:
+        """Return the relative deviation of each eye's focal length."""
+        return _stated(self.focal_length, USUAL_FOCAL_LENGTH)
+
+    @property
+    def baseline_std(self) -> float:
+        """Return the relative deviation of the baseline."""
+        return _stated(self.baseline, USUAL_BASELINE)
+
+    @property
+    def sf_per_K_std_mps2(self) -> float:
+        """Return the deviation of the accelerometer's change per kelvin, on each axis."""
+        return _stated(self.specific_force_mps2_per_K, USUAL_SF_MPS2_PER_K)
+
+
+USUAL_FOCAL_LENGTH = 3e-4
+"""A fifth of a pixel of 700: what calibrating with a target leaves of a focal length."""
+USUAL_BASELINE = 2.5e-3
+"""0.3 mm of 120: the spread of eight makers' calibrations of ZED cameras about the nominal baseline."""
+USUAL_SF_MPS2_PER_K = 0.3e-3 * STANDARD_GRAVITY_MPS2
+"""A third of ±60 mg from 0 to 70 °C, the z axis, which is the worst [MPU-6000 and MPU-6050 Product Specification,
+PS-MPU-6000A-00 rev. 3.4, table 6.2: zero-g level change vs. temperature; x and y ±35 mg]."""
+NO_RESIDUAL = Residual(focal_length=0.0, baseline=0.0, specific_force_mps2_per_K=0.0)
+"""Of a calibration that is exactly true, as only a simulation's can be."""
+
+
+def _stated(value: float | msgspec.UnsetType, usual: float) -> float:
+    return usual if isinstance(value, msgspec.UnsetType) else value
 
 
 class Calibration(msgspec.Struct, frozen=True, kw_only=True):

@@ -15,10 +15,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.nominal import R_BL_NOMINAL
-from messages import Calibration, ImuCalibration, Lens, Pose, Residual, StereoCalibration, matrix3, vec3
+from messages import NO_RESIDUAL, Calibration, ImuCalibration, Lens, Pose, Residual, StereoCalibration, matrix3, vec3
 from messages.arrays import FloatArray
 from messages.constants import STANDARD_GRAVITY_MPS2
-from sim_rig.imu.chip_unit import ChipUnit, draw_chip_unit
+from sim_rig.imu.chip_unit import ZERO_G_LIMIT_MPS2_PER_K, ChipUnit, draw_chip_unit
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
 
@@ -28,8 +28,12 @@ RESIDUAL = Residual(
     toe_in_rad=float(np.deg2rad(0.01)),
     camera_to_imu_rad=float(np.deg2rad(0.05)),
     time_s=0.5e-3,
+    focal_length=1e-4,
+    baseline=5e-4,
+    specific_force_mps2_per_K=float(ZERO_G_LIMIT_MPS2_PER_K.max()) / 3.0,
 )
-"""One standard deviation of what calibration leaves behind, per axis."""
+"""One standard deviation of what a careful calibration leaves behind, per axis and per eye. The accelerometer's bias is
+that at the die's own temperature."""
 
 _ROW_TIME_S = 16.0e-3 / HEIGHT_PX
 _HALF_BASELINE_M = 0.060
@@ -54,14 +58,18 @@ class Unit:
                 sf_bias_mps2=vec3(self.chip.sf_bias_mps2),
                 w_matrix=matrix3(np.linalg.inv(self.chip.w_matrix)),
                 w_bias_radps=vec3(self.chip.w_bias_radps),
+                temperature_degC=self.chip.temperature_degC,
             ),
             stereo=self.stereo,
             X_BL=self.X_BL,
-            residual=Residual(),
+            residual=NO_RESIDUAL,
         )
 
-    def calibration(self, rng: np.random.Generator) -> Calibration:
-        """Return what a careful calibration would find: the true values plus one draw of `RESIDUAL`."""
+    def calibration(self, rng: np.random.Generator, residual: Residual = RESIDUAL) -> Calibration:
+        """Return what a calibration would find that leaves `residual`: the true values plus one draw of that.
+
+        No rows are deformed, whatever it says, and the accelerometer's bias is that at its die's temperature.
+        """
         exact = self.exact_calibration()
         replace = msgspec.structs.replace
 
@@ -70,21 +78,31 @@ class Unit:
 
         imu = replace(
             exact.imu,
-            sf_bias_mps2=vec3(self.chip.sf_bias_mps2 + axes(RESIDUAL.specific_force_mps2)),
-            sf_matrix=matrix3(np.diag(1.0 + axes(RESIDUAL.scale)) @ exact.imu.sf_matrix),
-            w_matrix=matrix3(np.diag(1.0 + axes(RESIDUAL.scale)) @ exact.imu.w_matrix),
+            sf_bias_mps2=vec3(self.chip.sf_bias_mps2 + axes(residual.specific_force_mps2)),
+            sf_matrix=matrix3(np.diag(1.0 + axes(residual.scale)) @ exact.imu.sf_matrix),
+            w_matrix=matrix3(np.diag(1.0 + axes(residual.scale)) @ exact.imu.w_matrix),
         )
-        toe_in = Rotation.from_rotvec([0.0, rng.normal(0.0, RESIDUAL.toe_in_rad), 0.0])
+        toe_in = Rotation.from_rotvec([0.0, rng.normal(0.0, residual.toe_in_rad), 0.0])
         X_RL = replace(self.stereo.X_RL, R=matrix3(toe_in.as_matrix() @ self.stereo.X_RL.R))
-        time_s = self.stereo.stamp_to_mid_exposure_s + rng.normal(0.0, RESIDUAL.time_s)
-        mounting = Rotation.from_rotvec(axes(RESIDUAL.camera_to_imu_rad))
+        time_s = self.stereo.stamp_to_mid_exposure_s + rng.normal(0.0, residual.time_s)
+        mounting = Rotation.from_rotvec(axes(residual.camera_to_imu_rad))
+        left, right = (
+            _with_focal_length(lens, 1.0 + rng.normal(0.0, residual.focal_length_std))
+            for lens in (self.stereo.left, self.stereo.right)
+        )
+        longer = 1.0 + rng.normal(0.0, residual.baseline_std)
+        X_RL = replace(X_RL, p_m=vec3(longer * np.array(X_RL.p_m)))
         return replace(
             exact,
             imu=imu,
-            stereo=replace(self.stereo, X_RL=X_RL, stamp_to_mid_exposure_s=time_s),
+            stereo=replace(self.stereo, left=left, right=right, X_RL=X_RL, stamp_to_mid_exposure_s=time_s),
             X_BL=replace(self.X_BL, R=matrix3(mounting.as_matrix() @ self.X_BL.R)),
-            residual=RESIDUAL,
+            residual=residual,
         )
+
+
+def _with_focal_length(lens: Lens, times: float) -> Lens:
+    return msgspec.structs.replace(lens, fx_px=times * lens.fx_px, fy_px=times * lens.fy_px)
 
 
 def draw_unit(seed: int, *, rolling_shutter: bool = True) -> Unit:

@@ -20,9 +20,9 @@ def tilt_of_bias(state: AttitudeState, settings: AttitudeSettings) -> FloatArray
     return leaning
 
 
-def follow_temperature(state: AttitudeState, settings: AttitudeSettings, temperature_degC: float) -> None:
+def follow_temperature(state: AttitudeState, sf_per_K_mps2: float, temperature_degC: float) -> None:
     """Let the accelerometer's bias have changed as much as its die has warmed up or cooled down since the first
-    sample; a temperature that is NaN, or none of a die, tells nothing."""
+    sample, by `sf_per_K_mps2`, 1 σ; a temperature that is NaN, or none of a die, tells nothing."""
     low, high = DIE_TEMPERATURES_DEGC
     if not low <= temperature_degC <= high:
         return
@@ -30,17 +30,20 @@ def follow_temperature(state: AttitudeState, settings: AttitudeSettings, tempera
         state.first_degC = temperature_degC
     warming_K = abs(temperature_degC - state.first_degC)
     if warming_K > state.most_warming_K:
-        change_var = settings.sf_bias_mps2_per_K**2 * (warming_K**2 - state.most_warming_K**2)
+        change_var = sf_per_K_mps2**2 * (warming_K**2 - state.most_warming_K**2)
         state.covariance[SF_BIAS, SF_BIAS] += change_var * np.eye(3)
         state.most_warming_K = warming_K
 
 
-def weigh_gravity(state: AttitudeState, settings: AttitudeSettings, calibrated_mps2: float) -> None:
+def weigh_gravity(
+    state: AttitudeState, settings: AttitudeSettings, calibrated_mps2: float, sf_per_K_mps2: float
+) -> None:
     """Let the accelerometer's bias, and the tilt with it, be as uncertain on every axis as the specific force of all
-    rests has for long been longer or shorter than gravity, where the calibration, 1 σ, does not explain it."""
+    rests has for long been longer or shorter than gravity, where the calibration and the die's temperature, 1 σ, do not explain
+    it."""
     P = state.covariance
     excess_mps2 = math.hypot(*state.rest.mean_sf_B) - settings.gravity_mps2
-    warmed_mps2 = settings.sf_bias_mps2_per_K * state.most_warming_K
+    warmed_mps2 = sf_per_K_mps2 * state.most_warming_K
     explained = (calibrated_mps2, warmed_mps2, settings.gravity_std_mps2, state.granted_mps2)
     if abs(excess_mps2) <= settings.excess_sigmas * math.hypot(*explained) or excess_mps2 * state.excess_mps2 < 0.0:
         state.excess_mps2, state.excess_from_ns = 0.0, None

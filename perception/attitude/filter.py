@@ -232,7 +232,7 @@ class AttitudeFilter:
         if sample.clipped or dt_s > settings.detection_delay_s / 2:
             state.rest, state.pace_unknown_s = Rest(), settings.pace_unknown_s  # a walk may have begun unseen
         state.rest.update(settings.rest, sample.sf_B, sample.w_B, dt_s)
-        follow_temperature(state, settings, sample.temperature_degC)
+        follow_temperature(state, self._kalman.sf_per_K_mps2, sample.temperature_degC)
         rested = state.resting
         if not state.started:
             state.sf_measured, state.w_measured, state.usual_step_s = sample.sf_B, sample.w_B, dt_s

@@ -75,14 +75,15 @@ class AttitudeKalman:
     def __init__(self, settings: AttitudeSettings, residual: Residual) -> None:
         self.settings = settings
         self._sf_bias_mps2 = math.hypot(residual.specific_force_mps2, residual.scale * settings.gravity_mps2)
+        self.sf_per_K_mps2 = residual.sf_per_K_std_mps2
         self._initial_var = np.zeros(SIZE)
         self._initial_var[GYRO_BIAS] = settings.gyro_bias_radps**2
         self._initial_var[SF_BIAS] = self._sf_bias_mps2**2
         self._initial_var[GYRO_MATRIX] = residual.scale**2
         toe_in = settings.camera.range_per_baseline * residual.toe_in_rad
         self.least_scale = math.hypot(residual.scale, settings.camera.odometer_scale)
-        self.calibrated_scale = math.hypot(toe_in, residual.scale)
-        self._initial_var[SCALE] = settings.camera.scale**2 + toe_in**2
+        self.calibrated_scale = math.hypot(toe_in, residual.scale, residual.baseline_std)
+        self._initial_var[SCALE] = settings.camera.scale**2 + toe_in**2 + residual.baseline_std**2
         self.mount_rad = math.hypot(settings.camera.mount_rad, residual.camera_to_imu_rad)
         self._initial_var[MOUNT] = self.mount_rad**2
         self._initial_var[LAG] = settings.camera.lag_s**2 + residual.time_s**2
@@ -280,7 +281,7 @@ class AttitudeKalman:
         stands_still = math.hypot(*state.v_W[:2]) <= _FAR_SIGMAS * math.sqrt(variance)
         at_rest = self.at_rest(state)
         if at_rest and state.started:
-            weigh_gravity(state, self.settings, self._sf_bias_mps2)
+            weigh_gravity(state, self.settings, self._sf_bias_mps2, self.sf_per_K_mps2)
         state.resting = at_rest and (state.resting or stands_still)
         return (at_rest and not state.resting) or math.hypot(*state.drift_W[:2]) > settings.drift_limit_mps
 

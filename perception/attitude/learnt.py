@@ -66,7 +66,8 @@ class SensorLearning:
     def __init__(self, calibration: UnitCalibration, learnt: Learnt | None) -> None:
         """Go on from `learnt`; raises UserError where that does not belong to `calibration`."""
         self.settings = LearningSettings()
-        self._sf_bias_mps2_per_K = AttitudeSettings().sf_bias_mps2_per_K
+        self._sf_per_K_mps2 = calibration.residual.sf_per_K_std_mps2
+        self._calibration = calibration
         self._unlearnt = unlearnt(calibration)
         self._learnt = learnt or Learnt(calibration_id=calibration.id)
         check_learnt(self._learnt, calibration)
@@ -80,12 +81,13 @@ class SensorLearning:
 
     def prior(self, temperature_degC: float) -> SensorErrors:
         """Return what a start at this die temperature begins with, (1); a temperature that is NaN tells no bias."""
-        settings, prior, scale = self.settings, self._unlearnt, self._learnt.depth_scale
+        settings, scale = self.settings, self._learnt.depth_scale
+        prior = unlearnt(self._calibration, temperature_degC)
         if self._learnt.biases and math.isfinite(temperature_degC):
             found, distance_K = _interpolated(self._learnt.biases, temperature_degC)
             turn_ons = 1.0 + (self._learnt.used_s - found.seen_s) / settings.ageing_s
             gyro = turn_ons * settings.gyro_turn_on_radps**2 + (settings.gyro_radps_per_K * distance_K) ** 2
-            sf = turn_ons * settings.sf_turn_on_mps2**2 + (self._sf_bias_mps2_per_K * distance_K) ** 2
+            sf = turn_ons * settings.sf_turn_on_mps2**2 + (self._sf_per_K_mps2 * distance_K) ** 2
             gyro_bias, gyro_var = _later_axes(found.gyro_bias_radps, found.gyro_std_radps, prior.gyro_var, gyro)
             sf_bias, sf_var = _later_axes(found.sf_bias_mps2, found.sf_std_mps2, prior.sf_var, sf)
             prior = prior._replace(gyro_bias=gyro_bias, gyro_var=gyro_var, sf_bias=sf_bias, sf_var=sf_var)
@@ -139,7 +141,8 @@ class SensorLearning:
     def _is_known_bias(self, temperature_degC: float, found: SensorErrors) -> bool:
         low, high = DIE_TEMPERATURES_DEGC
         known = max(found.gyro_var) <= self.settings.gyro_known_radps**2 and low <= temperature_degC <= high
-        bounds = (*self._unlearnt.gyro_var, *self._unlearnt.sf_var)
+        unlearnt_here = unlearnt(self._calibration, temperature_degC)
+        bounds = (*unlearnt_here.gyro_var, *unlearnt_here.sf_var)
         return known and _is_within((*found.gyro_bias, *found.sf_bias), bounds, self.settings.most_sigmas)
 
     def _is_known_scale(self, found: SensorErrors) -> bool:
@@ -148,10 +151,18 @@ class SensorLearning:
         return known and _is_within((found.scale,), (bound,), settings.most_sigmas)
 
 
-def unlearnt(calibration: UnitCalibration) -> SensorErrors:
-    """Return what the calibration alone leaves of the sensors' errors."""
+def unlearnt(calibration: UnitCalibration, temperature_degC: float = math.nan) -> SensorErrors:
+    """Return what the calibration alone leaves of the sensors' errors at a die temperature: the farther that is from
+    where the accelerometer's bias was found, the more. One that is NaN, or none of a die, tells nothing."""
     kalman = AttitudeKalman(AttitudeSettings(), calibration.residual)
-    return kalman.sensor_errors(kalman.new_state())
+    found = kalman.sensor_errors(kalman.new_state())
+    low, high = DIE_TEMPERATURES_DEGC
+    if not low <= temperature_degC <= high:
+        return found
+    calibrated_degC, std_K = calibration.imu.calibrated_at
+    change_var = kalman.sf_per_K_mps2**2 * ((temperature_degC - calibrated_degC) ** 2 + std_K**2)
+    x, y, z = found.sf_var
+    return found._replace(sf_var=(x + change_var, y + change_var, z + change_var))
 
 
 def check_learnt(learnt: Learnt, calibration: UnitCalibration) -> None:
@@ -160,6 +171,7 @@ def check_learnt(learnt: Learnt, calibration: UnitCalibration) -> None:
         raise UserError(f"learnt beside calibration {learnt.calibration_id}, the unit's is {calibration.id}")
     bounds, sigmas = unlearnt(calibration), LearningSettings().most_sigmas
     for each in learnt.biases:
+        bounds = unlearnt(calibration, each.temperature_degC)
         where = f"at {each.temperature_degC:.1f} °C"
         _check(f"gyro_bias_radps {where}", each.gyro_bias_radps, bounds.gyro_var, sigmas)
         _check(f"sf_bias_mps2 {where}", each.sf_bias_mps2, bounds.sf_var, sigmas)

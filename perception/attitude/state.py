@@ -86,7 +86,6 @@ class AttitudeSettings:
     gyro_bias_radps: float = math.radians(2.0)  # what a change of temperature leaves of a calibrated bias
     sf_noise_mps2_rthz: float = 0.004
     sf_bias_walk_mps2_rts: float = 1e-4
-    sf_bias_mps2_per_K: float = 0.3e-3 * STANDARD_GRAVITY_MPS2  # a third of ±60 mg from 0 to 70 °C
     # Scale errors that no constant matrix explains act as noise in proportion to the motion, correlated this long.
     gyro_scale_time_s: float = 0.2
     sf_scale_time_s: float = 2.0

@@ -8,6 +8,7 @@ from messages import Frame, GroundPlane, Reason, Status, StereoFrame, UnitCalibr
 from messages.arrays import FloatArray
 from perception import so3
 from perception.depth.deformation import SOUND
+from perception.depth.focal_lengths import UNWATCHED, FocalDifference
 from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeasurement, GroundMeter
 from perception.ground.plane import Plane
@@ -48,13 +49,15 @@ class GroundEstimator:
         height_rate_mps: float = 0.0,
         v_W_mps: Vec3 | None = None,
         distance_scale: float = 0.0,
+        focal_difference: FocalDifference = UNWATCHED,
         reduced: bool = False,
     ) -> GroundPlane:
         """Return the ground in H of `frame`, given the attitude, its covariance and the rate at mid-exposure.
 
         `height_rate_mps` is how fast the camera moves away from the ground: a walker's bob, not the climb of a ramp.
         `v_W_mps` is the velocity of the IMU; without it nobody asks whether the view is deformed.
-        `distance_scale` is by what share the camera's distances are too long.
+        `distance_scale` is by what share the camera's distances are too long, `focal_difference` what is known of its
+        eyes' focal lengths beyond the calibration.
         With `reduced` only the middle half of the region's width is matched.
         """
         if tuple(image.shape[::-1] for image in frame.images) != tuple(self._meter.camera.image_sizes_px):
@@ -71,7 +74,9 @@ class GroundEstimator:
 
         def measure(near: Plane | None, margin_m: float | None = None, *, swapped: bool = False) -> GroundMeasurement:
             images = frame.images[::-1] if swapped else frame.images
-            return self._meter.measure(images, R_HC, w_WC_C_radps, height_rate_mps, region, near, margin_m)
+            return self._meter.measure(
+                images, R_HC, w_WC_C_radps, height_rate_mps, region, near, margin_m, focal_difference
+            )
 
         measured = measure(expected, self._repetition.margin_m(t_ns, expected))
         may_begin = True

@@ -11,6 +11,7 @@ from perception import so3
 from perception.depth.depth_camera import DepthCamera
 from perception.depth.disparity import DisparityCamera, DisparityPatch, OutOfRangeError
 from perception.depth.eye_shifts import EyeShifts
+from perception.depth.focal_lengths import UNWATCHED, FocalDifference, plane_errors_px
 from perception.depth.repeats import NO_REPEATS, Repeats
 from perception.depth.stereo_camera import StereoCamera
 from perception.ground.block_errors import blocks
@@ -49,6 +50,7 @@ class GroundMeter:
         )
         self._fitter = PlaneFitter(fB_px_m=self.camera.f_px * self.camera.baseline_m)
         self._residual = residual
+        self._has_two_eyes = isinstance(camera, StereoCalibration)
 
     def measure(
         self,
@@ -59,13 +61,14 @@ class GroundMeter:
         region: FootholdSettings,
         expected: Plane | None,
         margin_m: float | None = None,
+        focal_difference: FocalDifference = UNWATCHED,
     ) -> GroundMeasurement:
         """Return the plane in H of a frame's raw `images`, (height, width) each, of the calibrated sizes.
 
         `R_HC` holds at mid-exposure of the middle row; for the other rows of a rolling shutter `w_HC_C_radps` turns
         the camera and `height_rate_mps` lifts it off the ground.
         `expected` is the plane as predicted from earlier frames; the ground is looked for within `margin_m` of it, or
-        within a step.
+        within a step. `focal_difference` is what the eyes' rows tell of their focal lengths.
         """
         predicted = expected or Plane((0.0, 0.0), region.nominal_height_m)
         if margin_m is None:
@@ -103,7 +106,7 @@ class GroundMeter:
         if fit.plane.steepness_rad > self._fitter.steepest_rad:
             return GroundMeasurement(Reason.TOO_STEEP, matched_share)
         misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
-        lasting = relief_cov(fit, points_H, misfit_px, block, region) + self._residual_cov(fit.plane, R_HC)
+        lasting = relief_cov(fit, points_H, misfit_px, block, region) + self._residual_cov(fit.plane, R_HC, focal_difference)
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)
 
     def find_repeats(
@@ -148,14 +151,22 @@ class GroundMeter:
         cov: FloatArray = moved @ moved.T
         return cov
 
-    def _residual_cov(self, plane: Plane, R_HC: FloatArray) -> FloatArray:
-        """Return the covariance of (a, b, h) by a common offset of d, which moves θ of (1) along C's z.
+    def _residual_cov(self, plane: Plane, R_HC: FloatArray, focal_difference: FocalDifference) -> FloatArray:
+        """Return the covariance of (a, b, h) by what the calibration leaves, the same in all frames.
 
-        A toe-in ε gives an offset f ε; pixel locking gives another. A wrong scale of depth stretches h alone.
+        A common offset of d moves θ of (1) along C's z: a toe-in ε gives an offset f ε; pixel locking gives another.
+        Focal lengths move it as `focal_lengths` has it. A wrong scale of depth, or baseline, stretches h alone.
         """
         offset_px = np.hypot(self.camera.f_px * self._residual.toe_in_rad, self.locking_px)
-        cov = self.offset_cov(plane, R_HC, np.array([[0.0, 0.0, offset_px]]))
-        cov[2, 2] += (plane.height_m * self.camera.scale_residual) ** 2
+        errors_px = np.array([[0.0, 0.0, offset_px]])
+        scale = self.camera.scale_residual
+        if self._has_two_eyes:
+            theta_C = R_HC.T @ plane.theta(self._fitter.fB_px_m)
+            std = self._residual.focal_length_std
+            errors_px = np.vstack((errors_px, plane_errors_px(theta_C, self.camera.f_px, std, focal_difference)))
+            scale = self._residual.baseline_std
+        cov = self.offset_cov(plane, R_HC, errors_px)
+        cov[2, 2] += (plane.height_m * scale) ** 2
         return cov
 
 

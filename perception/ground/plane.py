@@ -129,7 +129,7 @@ class PlaneFitter:
             scale_px = 1.4826 * _weighted_median(misfit[near], weight[near])
             # without a maximum the scale of mere clutter would grow until all of it were inliers
             scale_px = float(np.clip(scale_px, self.least_noise_px, self.most_noise_px))
-            tukey = weight * np.clip(1.0 - (misfit / (4.685 * scale_px)) ** 2, 0.0, None) ** 2
+            tukey = weight * np.clip(1.0 - (misfit / (_TUKEY * scale_px)) ** 2, 0.0, None) ** 2
             weighted = rays * tukey[:, None]
             try:
                 inverse = np.linalg.inv(rays.T @ weighted)
@@ -141,7 +141,10 @@ class PlaneFitter:
         if theta[2] >= 0.0:
             return None
         misfit = disparity_px - rays @ theta
-        theta_cov = inverse @ covariance_of_sum(weighted * misfit[:, None], block) @ inverse
+        # an M-estimator's covariance [Huber, Robust Statistics, 1981, 7.6]: its weights overrate what the far ones tell
+        square = np.minimum((misfit / (_TUKEY * scale_px)) ** 2, 1.0)
+        told = float(weight @ ((1.0 - square) * (1.0 - 5.0 * square))) / float(tukey.sum())
+        theta_cov = inverse @ covariance_of_sum(weighted * misfit[:, None], block) @ inverse / max(told, _LEAST_TOLD) ** 2
         inliers = np.abs(misfit) < 3.0 * scale_px
         to_plane = self.jacobian(theta)
         return PlaneFit(
@@ -167,6 +170,10 @@ class PlaneFitter:
 
 
 _LEAST_PIXELS = 30
+_TUKEY = 4.685
+"""Scales beyond which the biweight counts nothing: 95 % efficient where errors are normal."""
+_LEAST_TOLD = 0.2
+"""Share of its weights that a fit may be worth; among clutter it can vanish."""
 _SETTLED_PX = 1e-3
 """A change of θ that moves no pixel by more than about this is the last one: far below what a plane is known to."""
 

@@ -12,6 +12,7 @@ from perception import so3
 from perception.attitude.camera_step import CameraStep
 from perception.attitude.foretold import MotionForetold
 from perception.attitude.imu_model import corrected
+from perception.depth.focal_lengths import UNWATCHED, FocalDifference
 from perception.motion.clock_lag import ClockLagMonitor
 from perception.motion.ego_motion import EgoMotion, VisualOdometer
 from perception.motion.inner_motion import InnerMotion, RecentSamples
@@ -30,6 +31,8 @@ class MotionWatch:
     confirmations = 3  # frames: one good frame among bad ones is chance
     most_growth = 0.0015  # of that with the rows: a focal length so wrong makes heights wrong by a centimetre
     growth_frames = 60  # on average, some seconds: what one frame says of it is mostly noise
+    growth_std = 5e-4  # of one frame,
+    lasting_growth_std = 3e-4  # and what no average is better than: corners are matched a little off, always alike
 
     def __init__(self, calibration: UnitCalibration) -> None:
         self._imu = calibration.imu
@@ -51,6 +54,14 @@ class MotionWatch:
             return Reason.EYES_MISALIGNED
         late = self._clock is not None and self._clock.contradicts
         return Reason.TIME_INCONSISTENT if late else Reason.NONE
+
+    @property
+    def focal_difference(self) -> FocalDifference:
+        """Return what the eyes' rows tell of the difference between their focal lengths."""
+        if self._grown_frames == 0:
+            return UNWATCHED
+        frames = min(self._grown_frames, self.growth_frames)
+        return FocalDifference(-self._growth, math.hypot(self.lasting_growth_std, self.growth_std / math.sqrt(frames)))
 
     def add_sample(self, sample: ImuSample) -> None:
         """Take a finite sample, later than the one before it; a clipped one counts as missing."""

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.nominal import R_BL_NOMINAL
-from messages import DepthCalibration, DepthUnitCalibration, Lens, Pose, Residual, matrix3
+from messages import NO_RESIDUAL, DepthCalibration, DepthUnitCalibration, Lens, Pose, matrix3
 from sim_rig.imu.chip_unit import ChipUnit
 from sim_rig.unit import RESIDUAL, draw_unit
 
@@ -73,7 +73,7 @@ def draw_depth_unit(seed: int, *, perfect_calibration: bool) -> tuple[DepthUnit,
     if perfect_calibration:
         exact = worn.exact_calibration().imu
         unit = DepthUnit(name, worn.chip, depth, X_BD, toe_in_rad=0.0, scale_error=0.0)
-        return unit, DepthUnitCalibration(unit=name, imu=exact, depth=depth, X_BD=X_BD, residual=Residual())
+        return unit, DepthUnitCalibration(unit=name, imu=exact, depth=depth, X_BD=X_BD, residual=NO_RESIDUAL)
     stated = msgspec.structs.replace(
         depth, scale_residual=SCALE_RESIDUAL, stamp_to_mid_exposure_s=depth.stamp_to_mid_exposure_s + late_s
     )

@@ -4,7 +4,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib.nominal import R_BL_NOMINAL
-from messages import Residual
+from messages import NO_RESIDUAL
 from messages.constants import STANDARD_GRAVITY_MPS2
 from sim_rig.unit import RESIDUAL, draw_unit
 
@@ -36,7 +36,7 @@ def test_the_shutter_may_be_global() -> None:
 def test_the_exact_calibration_undoes_the_chip() -> None:
     unit = draw_unit(3)
     calibration = unit.exact_calibration()
-    assert calibration.residual == Residual()
+    assert calibration.residual == NO_RESIDUAL
     sf_B, w_B = np.array([1.0, -2.0, 9.0]), np.array([0.3, -0.2, 0.5])
     measured_sf = unit.chip.sf_matrix @ sf_B + unit.chip.sf_bias_mps2
     measured_w = unit.chip.w_matrix @ w_B + unit.chip.w_bias_radps
@@ -49,7 +49,8 @@ def test_a_calibration_leaves_the_residual_it_states_and_nothing_else() -> None:
     unit = draw_unit(5)
     exact = unit.exact_calibration()
     rng = np.random.default_rng(0)
-    errors: dict[str, list[float]] = {"sf": [], "scale": [], "toe_in": [], "mounting": [], "time": []}
+    names = ("sf", "scale", "toe_in", "mounting", "time", "focal", "baseline")
+    errors: dict[str, list[float]] = {name: [] for name in names}
     for _ in range(400):
         found = unit.calibration(rng)
         errors["sf"] += list(np.array(found.imu.sf_bias_mps2) - exact.imu.sf_bias_mps2)
@@ -62,7 +63,18 @@ def test_a_calibration_leaves_the_residual_it_states_and_nothing_else() -> None:
         np.testing.assert_allclose(pair[[0, 2]], 0.0, atol=1e-12)
         errors["mounting"] += list(Rotation.from_matrix(np.array(found.X_BL.R) @ np.array(exact.X_BL.R).T).as_rotvec())
         errors["time"].append(found.stereo.stamp_to_mid_exposure_s - exact.stereo.stamp_to_mid_exposure_s)
-        unchanged = msgspec.structs.replace(found.stereo, X_RL=exact.stereo.X_RL, stamp_to_mid_exposure_s=0.0)
+        for eye, true_eye in ((found.stereo.left, exact.stereo.left), (found.stereo.right, exact.stereo.right)):
+            longer = eye.fx_px / true_eye.fx_px
+            assert eye.fy_px / true_eye.fy_px == pytest.approx(longer, rel=1e-12)
+            errors["focal"].append(longer - 1.0)
+        errors["baseline"].append(found.stereo.X_RL.p_m[0] / exact.stereo.X_RL.p_m[0] - 1.0)
+        unchanged = msgspec.structs.replace(
+            found.stereo,
+            left=exact.stereo.left,
+            right=exact.stereo.right,
+            X_RL=exact.stereo.X_RL,
+            stamp_to_mid_exposure_s=0.0,
+        )
         assert unchanged == msgspec.structs.replace(exact.stereo, stamp_to_mid_exposure_s=0.0)
         assert found.imu.w_bias_radps == exact.imu.w_bias_radps
         assert found.residual == RESIDUAL
@@ -73,6 +85,8 @@ def test_a_calibration_leaves_the_residual_it_states_and_nothing_else() -> None:
         ("toe_in", np.deg2rad(0.01)),
         ("mounting", np.deg2rad(0.05)),
         ("time", 0.5e-3),
+        ("focal", 1e-4),
+        ("baseline", 5e-4),
     ):
         assert np.std(errors[name]) == pytest.approx(sigma, rel=0.15), name
         assert abs(np.mean(errors[name])) < 0.2 * sigma, name

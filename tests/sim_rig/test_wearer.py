@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from messages import Frame, GroundTruth, ImuSample, Residual, StereoFrame, Tick
+from messages import NO_RESIDUAL, Frame, GroundTruth, ImuSample, StereoFrame, Tick
 from perception.depth.rectify import Rectifier
 from sim_rig.unit import RESIDUAL
 from sim_rig.walk.scenario import scenario
@@ -116,7 +116,7 @@ def test_the_header_is_off_by_the_calibrations_time_error_and_truth_is_not() -> 
 def test_a_perfect_calibration_is_the_unit() -> None:
     wearer = wearer_of("mixed", seed=2)
     assert wearer.calibration == wearer.unit.exact_calibration()
-    assert wearer.calibration.residual == Residual()
+    assert wearer.calibration.residual == NO_RESIDUAL
 
 
 def test_frames_come_on_the_grid_and_arrive_as_from_a_zed() -> None:

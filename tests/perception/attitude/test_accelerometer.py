@@ -20,14 +20,14 @@ def bias_std_mps2(temperatures_degC: list[float]) -> float:
     """Return the deviation of the bias, on each axis, after a die has had these temperatures."""
     state = AttitudeKalman(SETTINGS, RESIDUAL).new_state()
     for temperature_degC in temperatures_degC:
-        follow_temperature(state, SETTINGS, temperature_degC)
+        follow_temperature(state, RESIDUAL.sf_per_K_std_mps2, temperature_degC)
     deviations = np.sqrt(np.diag(state.covariance[SF_BIAS, SF_BIAS]))
     assert np.ptp(deviations) == 0.0
     return float(deviations[0])
 
 
 def test_a_die_that_warms_up_or_cools_down_makes_the_bias_less_certain_by_how_far_it_has_been() -> None:
-    changed = math.hypot(0.0147, 20.0 * SETTINGS.sf_bias_mps2_per_K)
+    changed = math.hypot(0.0147, 20.0 * RESIDUAL.sf_per_K_std_mps2)
     assert bias_std_mps2([25.0, 35.0, 45.0, 30.0]) == pytest.approx(changed)
     assert bias_std_mps2([25.0, 5.0]) == pytest.approx(changed)
 

@@ -20,7 +20,8 @@ from perception.attitude.track import AttitudeTrack
 from sim_rig.unit import draw_unit
 from tests.perception.attitude.test_track import add_all
 
-CALIBRATION = draw_unit(1).calibration(np.random.default_rng(1))
+_DRAWN = draw_unit(1).calibration(np.random.default_rng(1))
+CALIBRATION = msgspec.structs.replace(_DRAWN, imu=msgspec.structs.replace(_DRAWN.imu, temperature_degC=30.0))
 UNLEARNT = unlearnt(CALIBRATION)
 SETTINGS = LearningSettings()
 SECOND_NS = 1_000_000_000
@@ -67,6 +68,25 @@ def test_who_has_learnt_nothing_starts_as_the_calibration_says() -> None:
     assert SensorLearning(CALIBRATION, learnt(bias_at(30.0))).prior(math.nan) == UNLEARNT
 
 
+def test_the_farther_a_die_is_from_where_its_bias_was_found_the_less_is_known() -> None:
+    per_K = CALIBRATION.residual.sf_per_K_std_mps2
+    for degC, far_K in ((30.0, 0.0), (-10.0, 40.0), (60.0, 30.0)):
+        more_var = (per_K * far_K) ** 2
+        expected = [variance + more_var for variance in UNLEARNT.sf_var]
+        assert SensorLearning(CALIBRATION, None).prior(degC).sf_var == pytest.approx(expected)
+    imu = msgspec.structs.replace(CALIBRATION.imu, temperature_degC=msgspec.UNSET)
+    unstated = unlearnt(msgspec.structs.replace(CALIBRATION, imu=imu), 50.0)
+    assert unstated.sf_var[0] == pytest.approx(UNLEARNT.sf_var[0] + per_K**2 * (20.0**2 + 5.0**2))
+
+
+def test_what_was_learnt_in_the_cold_may_be_as_far_off_as_the_cold_allows() -> None:
+    cold = bias_at(-10.0, sf=(0.2, 0.0, 0.0))
+    prior = SensorLearning(CALIBRATION, learnt(cold)).prior(-10.0)
+    assert prior.sf_bias[0] == pytest.approx(0.2, rel=0.05)
+    with pytest.raises(UserError, match=r"sf_bias_mps2 at 30.0 °C is 0.2"):
+        SensorLearning(CALIBRATION, learnt(bias_at(30.0, sf=(0.2, 0.0, 0.0))))
+
+
 def test_at_a_known_temperature_a_start_knows_the_bias_but_for_turning_on() -> None:
     prior = SensorLearning(CALIBRATION, learnt(bias_at(30.0))).prior(30.0)
     kept = math.sqrt(1.0 - SETTINGS.gyro_turn_on_radps**2 / UNLEARNT.gyro_var[0])
@@ -83,7 +103,7 @@ def test_between_two_temperatures_the_bias_lies_on_their_line_and_far_from_them_
     kept = math.sqrt(1.0 - change_var / UNLEARNT.gyro_var[0])
     assert halfway.gyro_bias == pytest.approx((0.005 * kept,) * 3)
     assert learning.prior(26.0).gyro_var > learning.prior(24.5).gyro_var > learning.prior(24.0).gyro_var
-    assert learning.prior(60.0) == UNLEARNT
+    assert learning.prior(60.0) == unlearnt(CALIBRATION, 60.0)
 
 
 def test_what_was_seen_long_ago_is_worth_less() -> None:
@@ -113,9 +133,10 @@ def test_no_start_knows_less_than_the_calibration_says_and_none_is_certain(
         for t in sorted(temperatures)
     ]
     prior = SensorLearning(CALIBRATION, learnt(*entries, used_s=used_s)).prior(at_degC)
+    calibrated = unlearnt(CALIBRATION, at_degC)
     for variances, most, least in (
-        (prior.gyro_var, UNLEARNT.gyro_var, SETTINGS.gyro_turn_on_radps**2),
-        (prior.sf_var, UNLEARNT.sf_var, SETTINGS.sf_turn_on_mps2**2),
+        (prior.gyro_var, calibrated.gyro_var, SETTINGS.gyro_turn_on_radps**2),
+        (prior.sf_var, calibrated.sf_var, SETTINGS.sf_turn_on_mps2**2),
     ):
         assert all(0.999 * min(least, high) <= v <= 1.001 * high for v, high in zip(variances, most, strict=True))
     assert all(abs(found) <= 1.001 * abs(value) for found, value in zip(prior.gyro_bias, gyro, strict=True))

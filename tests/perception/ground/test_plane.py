@@ -72,7 +72,7 @@ def test_the_tread_wins_over_its_riser_and_over_the_plane_through_the_nosings() 
 def test_the_stated_covariance_covers_the_errors() -> None:
     rng = np.random.default_rng(7)
     rays = rays_of_a_pitched_camera()
-    fitter = PlaneFitter(fB_px_m=FB, correlation_px=1.0)
+    fitter = PlaneFitter(fB_px_m=FB)
     truth = np.array([0.03, 0.01, 0.95])
     squared = []
     for _ in range(120):
@@ -82,6 +82,25 @@ def test_the_stated_covariance_covers_the_errors() -> None:
         squared.append(error @ np.linalg.solve(found.covariance, error))
     # χ² with 3 degrees: mean 3; Tukey's weights cost 5 % efficiency
     assert np.mean(squared) == pytest.approx(3.0, rel=0.25)
+
+
+def test_errors_that_neighbours_share_are_covered_without_knowing_over_how_many() -> None:
+    rng = np.random.default_rng(8)
+    rays, side = rays_of_a_pitched_camera(), 8
+    fitter, truth = PlaneFitter(fB_px_m=FB), np.array([0.03, 0.01, 0.95])
+    # each eight rays that follow one another in the grid are off alike
+    block = np.arange(len(rays)) // side
+    squared, unblocked = [], []
+    for _ in range(80):
+        noise = np.repeat(rng.normal(0, 0.2, block[-1] + 1), side)[: len(rays)]
+        disparity = disparity_of(rays, *truth) + noise
+        for given, into in ((block, squared), (None, unblocked)):
+            found = fitter.fit(rays, disparity, np.ones(len(rays)), block=given)
+            assert found is not None
+            error = np.array([*found.plane.gradient, found.plane.height_m]) - truth
+            into.append(error @ np.linalg.solve(found.covariance, error))
+    assert np.mean(squared) == pytest.approx(3.0, rel=0.35)
+    assert np.mean(unblocked) > 10.0
 
 
 def test_a_wall_is_no_ground() -> None:

@@ -21,7 +21,7 @@ def points(rise_at_the_ends_m: float) -> tuple[np.ndarray[tuple[int, int], np.dt
 @pytest.mark.parametrize("rise_mm", [-12.0, 0.5, 12.0])
 def test_every_bend_widens_the_slope_about_the_middle_of_the_region(rise_mm: float) -> None:
     points_H, c2_m = points(1e-3 * rise_mm)
-    cov = relief_cov(FIT, points_H, np.zeros(len(points_H)), REGION)
+    cov = relief_cov(FIT, points_H, np.zeros(len(points_H)), np.arange(len(points_H)), REGION)
     variance = 4.0 / 3.0 * (c2_m / REGION.half_length_m) ** 2  # the mean square of 2 c₂ ξ / l
     assert cov[0, 0] == pytest.approx(variance, rel=1e-6)
     at_the_middle = np.array([-REGION.ahead_m, 0.0, 1.0])
@@ -30,4 +30,18 @@ def test_every_bend_widens_the_slope_about_the_middle_of_the_region(rise_mm: flo
 
 def test_a_plane_is_not_widened() -> None:
     points_H, _ = points(0.0)
-    np.testing.assert_allclose(relief_cov(FIT, points_H, np.zeros(len(points_H)), REGION), 0.0, atol=1e-18)
+    np.testing.assert_allclose(relief_cov(FIT, points_H, np.zeros(len(points_H)), np.arange(len(points_H)), REGION), 0.0, atol=1e-18)
+
+
+def test_a_bend_that_chance_makes_is_taken_off() -> None:
+    rng = np.random.default_rng(4)
+    points_H, _ = points(0.0)
+    block = np.arange(len(points_H)) // 61  # each row of the grid errs alike
+    found, by_chance = [], []
+    for _ in range(60):
+        error_m = 0.002 * rng.normal(size=block[-1] + 1)[block] * np.sin(np.arange(len(points_H)))
+        noisy = points_H + np.array([0.0, 0.0, 1.0]) * error_m[:, None]
+        found.append(relief_cov(FIT, noisy, np.zeros(len(noisy)), block, REGION)[0, 0])
+        whole = relief_cov(FIT, noisy, np.zeros(len(noisy)), np.zeros_like(block), REGION)
+        by_chance.append(whole[0, 0])  # one block whose errors sum to nothing: no chance is known of
+    assert np.mean(found) < 0.6 * np.mean(by_chance)

@@ -49,7 +49,16 @@ def test_frames_on_one_plane_are_averaged() -> None:
         plane, cov = known(told(tracker, k * FRAME_NS, seen(0.1 + rng.normal(0, 0.01), rng.normal(0, 0.01), 0.95)))
         errors.append(plane.gradient[0] - 0.1)
     assert np.std(errors[40:]) < 0.006
-    assert cov[0, 0] < SEEN_COV[0, 0]
+    assert cov[0, 0] == pytest.approx(SEEN_COV[0, 0], rel=1.0)
+
+
+def test_what_the_track_says_is_no_surer_than_its_newest_frame_and_less_sure_where_it_lags_behind() -> None:
+    plane, cov = known(told(on_level_ground(40), 40 * FRAME_NS, seen(0.02, 0.0, 0.95)))
+    lag = 0.02 - plane.gradient[0]
+    assert lag > 0.004
+    assert cov[0, 0] == pytest.approx(SEEN_COV[0, 0] + lag**2)
+    plane, cov = known(told(on_level_ground(40), 40 * FRAME_NS, seen(0.0, 0.0, 0.95)))
+    np.testing.assert_allclose(cov, SEEN_COV, atol=1e-12)
 
 
 def test_turning_on_a_slope_changes_no_gradient_in_W() -> None:
@@ -75,7 +84,7 @@ def test_an_edge_starts_a_new_track_as_soon_as_a_second_frame_confirms_it() -> N
     assert told(tracker, 20 * FRAME_NS, seen(0.0, 0.0, 0.78)) is None
     plane, cov = known(told(tracker, 21 * FRAME_NS, seen(0.0, 0.0, 0.78)))
     assert plane.height_m == pytest.approx(0.78)
-    assert cov[2, 2] < SEEN_COV[2, 2]
+    assert cov[2, 2] == pytest.approx(SEEN_COV[2, 2])
     assert told(tracker, 22 * FRAME_NS, seen(0.0, 0.0, 0.95)) is None
 
 
@@ -117,7 +126,7 @@ def test_what_the_attitude_learns_the_track_learns_too() -> None:
         for k in range(40):
             told(tracker, k * FRAME_NS, seen(0.0, 0.0, 0.95), attitude_cov_W=unsure)
         plane, cov = known(told(tracker, 40 * FRAME_NS, seen(0.03, 0.0, 0.95)))
-        assert cov[0, 0] <= SEEN_COV[0, 0] + 1e-4
+        assert cov[0, 0] == pytest.approx(SEEN_COV[0, 0] + (0.03 - plane.gradient[0]) ** 2)
         return plane.gradient[0]
 
     assert gradient_after(0.0) < 0.02
