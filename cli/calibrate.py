@@ -110,5 +110,8 @@ def _tell(file: Path, calibration: "UnitCalibration") -> None:
             ["time error, one σ", f"{1e3 * residual.time_s:.1f} ms"],
             ["camera to IMU rotation error, one σ", f"{math.degrees(residual.camera_to_imu_rad):.2f}°"],
             ["accelerometer error, one σ", f"{1e3 * residual.specific_force_mps2 / STANDARD_GRAVITY_MPS2:.1f} mg"],
+            ["its change with the die, one σ", f"{1e3 * residual.sf_per_K_std_mps2 / STANDARD_GRAVITY_MPS2:.2f} mg/K"],
+            ["focal length error, one σ", f"{1e2 * residual.focal_length_std:.3f} %"],
+            ["baseline error, one σ", f"{1e2 * residual.baseline_std:.2f} %"],
         ],
     )

@@ -119,6 +119,7 @@ def calibrations(draw: st.DrawFn) -> Calibration:
             sf_bias_mps2=vec3([draw(within(2.0)) for _ in range(3)]),
             w_matrix=matrix3(near_identity()),
             w_bias_radps=vec3([draw(within(1.0)) for _ in range(3)]),
+            temperature_degC=draw(st.just(msgspec.UNSET) | st.floats(-40.0, 85.0)),
         ),
         stereo=StereoCalibration(
             left=draw(lenses(width_px, height_px, focal_px)),
@@ -128,7 +129,11 @@ def calibrations(draw: st.DrawFn) -> Calibration:
             stamp_to_mid_exposure_s=draw(within(0.1)),
         ),
         X_BL=Pose(R=matrix3(draw(rotations())), p_m=vec3([draw(within(0.5)) for _ in range(3)])),
-        residual=Residual(scale=draw(st.floats(0.0, 0.1)), time_s=draw(st.floats(0.0, 0.1))),
+        residual=Residual(
+            scale=draw(st.floats(0.0, 0.1)),
+            time_s=draw(st.floats(0.0, 0.1)),
+            focal_length=draw(st.just(msgspec.UNSET) | st.floats(0.0, 0.02)),
+        ),
     )
 
 
@@ -186,6 +191,32 @@ def test_the_sample_is_read_with_numbers_as_people_write_them() -> None:
     assert calibration.residual.time_s == 0.0
 
 
+def test_a_file_older_than_a_term_of_the_residual_keeps_its_id_and_leaves_what_is_usual() -> None:
+    calibration = parse_calibration(DOCUMENT, "sample")
+    assert calibration.id == "2dd26075"
+    assert "focal_length" not in format_calibration(calibration)
+    residual, imu = calibration.residual, calibration.imu
+    assert (residual.focal_length_std, residual.baseline_std) == (3e-4, 2.5e-3)
+    assert residual.sf_per_K_std_mps2 == pytest.approx(0.3e-3 * 9.80665)
+    assert imu.calibrated_at == (30.0, 5.0)
+
+
+def test_what_a_file_states_of_them_is_taken() -> None:
+    stated = parse_calibration(
+        document(
+            residual__focal_length=0.0,
+            residual__baseline=0.01,
+            residual__specific_force_mps2_per_K=0.002,
+            imu__temperature_degC=21.5,
+        ),
+        "sample",
+    )
+    residual = stated.residual
+    assert (residual.focal_length_std, residual.baseline_std, residual.sf_per_K_std_mps2) == (0.0, 0.01, 0.002)
+    assert stated.imu.calibrated_at == (21.5, 0.0)
+    assert stated.id != "2dd26075"
+
+
 def test_a_file_is_replaced_in_one_step(tmp_path: Path) -> None:
     path = tmp_path / "unit.yaml"
     calibration = parse_calibration(DOCUMENT, "sample")
@@ -228,6 +259,10 @@ def test_an_impossible_calibration_is_not_written(tmp_path: Path) -> None:
             "stereo.X_RL.R turns by 0.3 rad, allowed up to 0.2: the eyes look one way",
         ),
         ({"imu__sf_bias_mps2__0": 4.0}, "imu.sf_bias_mps2[0] is 4, allowed -2 to 2"),
+        ({"imu__temperature_degC": 98.6}, "imu.temperature_degC is 98.6, allowed -40 to 85"),
+        ({"residual__focal_length": 3.0}, "residual.focal_length is 3, allowed 0 to 0.02"),
+        ({"residual__baseline": -0.1}, "residual.baseline is -0.1, allowed 0 to 0.05"),
+        ({"residual__specific_force_mps2_per_K": 1.0}, "residual.specific_force_mps2_per_K is 1, allowed 0 to 0.05"),
         ({"stereo__left__width_px": 8}, "stereo.left.width_px is 8, allowed 16 to 8192"),
         ({"stereo__left__cx_px": 1280.0}, "stereo.left.cx_px is 1280, allowed 384 to 896 of 1280 px"),
         ({"stereo__right__cy_px": -1.0}, "stereo.right.cy_px is -1, allowed 216 to 504 of 720 px"),
