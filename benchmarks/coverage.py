@@ -1,9 +1,9 @@
 """How often the truth lies inside the stated 95 % intervals, unit by unit, and with one error of calibration alone.
 
-    python -m benchmarks.coverage [--cases standing walking …] [--seeds 1000-1059] [--seconds 3] [--file F] [--workers 1]
+    python -m benchmarks.coverage [--cases standing …] [--seeds 1000-1059] [--seconds 3] [--file F] [--workers 1]
 
-The whole pipeline, faster than real time, on units of the rig with the calibration that they would have: true values plus
-one draw of the residual that it states. All causes of one unit are made of its one walk, by changing what its
+The whole pipeline, faster than real time, on units of the rig with the calibration that they would have: true values
+plus one draw of the residual that it states. All causes of one unit are made of its one walk, by changing what its
 calibration says. Frames with an edge of the ground in the foothold region are left out, and those before the ground is
 first valid. The errors of a unit hardly change from frame to frame, so intervals are bootstrapped by unit. One line
 of JSON is added to F for each finished unit and case, which is not run again. Seeds below 1000 are for tuning.
@@ -22,7 +22,7 @@ import msgspec
 import numpy as np
 
 from daemon.pipeline import Pipeline
-from messages import Calibration, Frame, GroundPlane, ImuSample, Residual, Status, Tick, vec3
+from messages import Calibration, Frame, GroundPlane, ImuSample, Status, Tick, vec3
 from messages.arrays import FloatArray
 from messages.constants import NORMAL_95, STANDARD_GRAVITY_MPS2
 from perception.ground.foothold import FootholdSettings
@@ -72,13 +72,15 @@ def other_baseline(share: float, wearer: SimulatedWearer, stated: float | None =
 
 
 def made_warmer(by_K: float, axis: int, change_mg: float, wearer: SimulatedWearer) -> Calibration:
-    """Return a calibration made when the die was warmer by `by_K`, since when one axis has changed by `change_mg`."""
+    """Return a calibration made when the die was warmer by `by_K`, since when one axis has changed by `change_mg`;
+    what is usual of that is stated."""
     calibration = wearer.calibration
     imu, bias_mps2 = calibration.imu, list(calibration.imu.sf_bias_mps2)
     bias_mps2[axis] -= 1e-3 * STANDARD_GRAVITY_MPS2 * change_mg
     there_degC = wearer.unit.chip.temperature_degC + by_K
     imu = msgspec.structs.replace(imu, sf_bias_mps2=vec3(bias_mps2), temperature_degC=there_degC)
-    return msgspec.structs.replace(calibration, imu=imu)
+    residual = msgspec.structs.replace(calibration.residual, specific_force_mps2_per_K=msgspec.UNSET)
+    return msgspec.structs.replace(calibration, imu=imu, residual=residual)
 
 
 class Case(NamedTuple):
@@ -124,7 +126,8 @@ def covered(
 ) -> Covered:
     """Return what becomes of a walk's `inputs` with the calibration of a case."""
     pipeline = Pipeline(CASES[case].calibration(wearer), FootholdSettings())
-    frames, rows = 0, []
+    frames = 0
+    rows: list[tuple[tuple[float, float, float], list[float]]] = []
     for message in inputs:
         for ground in pipeline.step(message):
             if not isinstance(ground, GroundPlane) or ground.frame_seq < 0:

@@ -62,6 +62,7 @@ from messages.refusal import Refusal
 from messages.topics import TOPIC_OF, TOPICS, DropRule, Topic
 
 __all__ = [
+    "NO_RESIDUAL",
     "TOPICS",
     "TOPIC_OF",
     "AnkleState",
@@ -99,7 +100,6 @@ __all__ = [
     "LoadLevel",
     "Matrix3",
     "Motion",
-    "NO_RESIDUAL",
     "Pose",
     "Quaternion",
     "Reason",

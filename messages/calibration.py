@@ -177,9 +177,10 @@ USUAL_FOCAL_LENGTH = 3e-4
 """A fifth of a pixel of 700: what calibrating with a target leaves of a focal length."""
 USUAL_BASELINE = 2.5e-3
 """0.3 mm of 120: the spread of eight makers' calibrations of ZED cameras about the nominal baseline."""
-USUAL_SF_MPS2_PER_K = 0.3e-3 * STANDARD_GRAVITY_MPS2
-"""A third of ±60 mg from 0 to 70 °C, the z axis, which is the worst [MPU-6000 and MPU-6050 Product Specification,
-PS-MPU-6000A-00 rev. 3.4, table 6.2: zero-g level change vs. temperature; x and y ±35 mg]."""
+USUAL_SF_MPS2_PER_K = 0.5 * 60e-3 / 70.0 * STANDARD_GRAVITY_MPS2
+"""Half of ±60 mg from 0 to 70 °C, the z axis, which is the worst [MPU-6000 and MPU-6050 Product Specification,
+PS-MPU-6000A-00 rev. 3.4, table 6.2: zero-g level change vs. temperature; x and y ±35 mg]: typical values, of which no
+maximum is told."""
 NO_RESIDUAL = Residual(focal_length=0.0, baseline=0.0, specific_force_mps2_per_K=0.0)
 """Of a calibration that is exactly true, as only a simulation's can be."""
 

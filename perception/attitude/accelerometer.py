@@ -39,7 +39,7 @@ def weigh_gravity(
     state: AttitudeState, settings: AttitudeSettings, calibrated_mps2: float, sf_per_K_mps2: float
 ) -> None:
     """Let the accelerometer's bias, and the tilt with it, be as uncertain on every axis as the specific force of all
-    rests has for long been longer or shorter than gravity, where the calibration and the die's temperature, 1 σ, do not explain
+    rests has for long been longer or shorter than gravity, where calibration and die temperature, 1 σ, do not explain
     it."""
     P = state.covariance
     excess_mps2 = math.hypot(*state.rest.mean_sf_B) - settings.gravity_mps2

@@ -144,7 +144,9 @@ class PlaneFitter:
         # an M-estimator's covariance [Huber, Robust Statistics, 1981, 7.6]: its weights overrate what the far ones tell
         square = np.minimum((misfit / (_TUKEY * scale_px)) ** 2, 1.0)
         told = float(weight @ ((1.0 - square) * (1.0 - 5.0 * square))) / float(tukey.sum())
-        theta_cov = inverse @ covariance_of_sum(weighted * misfit[:, None], block) @ inverse / max(told, _LEAST_TOLD) ** 2
+        theta_cov = (
+            inverse @ covariance_of_sum(weighted * misfit[:, None], block) @ inverse / max(told, _LEAST_TOLD) ** 2
+        )
         inliers = np.abs(misfit) < 3.0 * scale_px
         to_plane = self.jacobian(theta)
         return PlaneFit(

@@ -197,7 +197,7 @@ def test_a_file_older_than_a_term_of_the_residual_keeps_its_id_and_leaves_what_i
     assert "focal_length" not in format_calibration(calibration)
     residual, imu = calibration.residual, calibration.imu
     assert (residual.focal_length_std, residual.baseline_std) == (3e-4, 2.5e-3)
-    assert residual.sf_per_K_std_mps2 == pytest.approx(0.3e-3 * 9.80665)
+    assert residual.sf_per_K_std_mps2 == pytest.approx(0.43e-3 * 9.80665, rel=0.01)
     assert imu.calibrated_at == (30.0, 5.0)
 
 

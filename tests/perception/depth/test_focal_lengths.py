@@ -24,7 +24,8 @@ def seen_plane(left: float, right: float) -> FloatArray:
     x_right = x - rays @ THETA / F_PX
     disparity_px = F_PX * ((1.0 + left) * x - (1.0 + right) * x_right)
     taken = rays * np.array([1.0 + left, 1.0 + left, 1.0])
-    return np.linalg.lstsq(taken, disparity_px)[0]
+    theta: FloatArray = np.linalg.lstsq(taken, disparity_px)[0]
+    return theta
 
 
 def test_the_errors_are_those_of_points_that_are_seen_with_the_wrong_focal_lengths() -> None:

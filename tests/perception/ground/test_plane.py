@@ -90,12 +90,13 @@ def test_errors_that_neighbours_share_are_covered_without_knowing_over_how_many(
     fitter, truth = PlaneFitter(fB_px_m=FB), np.array([0.03, 0.01, 0.95])
     # each eight rays that follow one another in the grid are off alike
     block = np.arange(len(rays)) // side
-    squared, unblocked = [], []
+    squared: list[float] = []
+    unblocked: list[float] = []
     for _ in range(80):
         noise = np.repeat(rng.normal(0, 0.2, block[-1] + 1), side)[: len(rays)]
         disparity = disparity_of(rays, *truth) + noise
-        for given, into in ((block, squared), (None, unblocked)):
-            found = fitter.fit(rays, disparity, np.ones(len(rays)), block=given)
+        for known, into in ((block, squared), (None, unblocked)):
+            found = fitter.fit(rays, disparity, np.ones(len(rays)), block=known)
             assert found is not None
             error = np.array([*found.plane.gradient, found.plane.height_m]) - truth
             into.append(error @ np.linalg.solve(found.covariance, error))

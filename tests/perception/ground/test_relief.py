@@ -30,7 +30,9 @@ def test_every_bend_widens_the_slope_about_the_middle_of_the_region(rise_mm: flo
 
 def test_a_plane_is_not_widened() -> None:
     points_H, _ = points(0.0)
-    np.testing.assert_allclose(relief_cov(FIT, points_H, np.zeros(len(points_H)), np.arange(len(points_H)), REGION), 0.0, atol=1e-18)
+    np.testing.assert_allclose(
+        relief_cov(FIT, points_H, np.zeros(len(points_H)), np.arange(len(points_H)), REGION), 0.0, atol=1e-18
+    )
 
 
 def test_a_bend_that_chance_makes_is_taken_off() -> None:
