@@ -106,9 +106,8 @@ class GroundMeter:
         if fit.plane.steepness_rad > self._fitter.steepest_rad:
             return GroundMeasurement(Reason.TOO_STEEP, matched_share)
         misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
-        lasting = relief_cov(fit, points_H, misfit_px, block, region) + self._residual_cov(
-            fit.plane, R_HC, focal_difference
-        )
+        lasting = self._residual_cov(fit.plane, R_HC, focal_difference)
+        lasting += relief_cov(fit, points_H, disparity_px, misfit_px, block, region, self.locking_px)
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)
 
     def find_repeats(

@@ -9,17 +9,24 @@ from perception.ground.plane import PlaneFit
 
 
 def relief_cov(
-    fit: PlaneFit, points_H: FloatArray, misfit_px: FloatArray, block: IntArray, region: FootholdSettings
+    fit: PlaneFit,
+    points_H: FloatArray,
+    disparity_px: FloatArray,
+    misfit_px: FloatArray,
+    block: IntArray,
+    region: FootholdSettings,
+    locking_px: float,
 ) -> FloatArray:
     """Return the covariance (3, 3) of (a, b, h) that relief adds.
 
-    `points_H` (N, 3) are the points given to the fit, `misfit_px` (N,) their disparities minus the plane's, `block`
-    (N,) the picture's blocks in which they lie.
+    `points_H` (N, 3) are the points given to the fit, `disparity_px` (N,) their disparities, `misfit_px` (N,) those
+    minus the plane's, `block` (N,) the picture's blocks in which they lie. `locking_px` is what pixel locking leaves.
     """
     weight = region.weights(points_H)
     inlier = np.abs(misfit_px) < 3.0 * fit.noise_px
     rise_m = fit.plane.rise_m(points_H)
-    cov = _crease(points_H[inlier, 0], rise_m[inlier], weight[inlier], block[inlier], region)
+    locking_m = fit.plane.height_m * locking_px / float(disparity_px.mean())
+    cov = _crease(points_H[inlier, 0], rise_m[inlier], weight[inlier], block[inlier], region, locking_m)
     cov[2, 2] += _step_variance_m2(rise_m, inlier, weight)
     return cov
 
@@ -33,14 +40,19 @@ def _step_variance_m2(rise_m: FloatArray, inlier: BoolArray, weight: FloatArray)
 
 
 def _crease(
-    x_m: FloatArray, rise_m: FloatArray, weight: FloatArray, block: IntArray, region: FootholdSettings
+    x_m: FloatArray,
+    rise_m: FloatArray,
+    weight: FloatArray,
+    block: IntArray,
+    region: FootholdSettings,
+    locking_m: float,
 ) -> FloatArray:
     """Return the covariance of a bend along the region, such as the foot of a ramp.
 
     With rise = c₀ + c₁ ξ + c₂ ξ², ξ from −1 to 1 along the half-length l, the slope wanders by 2 c₂ ξ / l about its
-    middle. The mean square of that over ξ is added, significant or not: the edge of a ramp enters by a small bend. What
-    the matcher's errors alone make of c₂² on average, its variance, is taken off. The region's middle stays where it
-    is, so h turns with the slope about it.
+    middle. The mean square of that over ξ is added. The region's middle stays where it is, so h turns with the slope
+    about it. What the matcher alone makes of c₂² is taken off: the variance by its errors, and that by pixel locking,
+    which bends a plane by as much as it lifts it, `locking_m`, the same in all frames of a texture.
     """
     half_length_m = region.half_length_m
     xi = (x_m - region.ahead_m) / half_length_m
@@ -48,8 +60,8 @@ def _crease(
     weighted = terms * weight[:, None]
     inverse = np.linalg.inv(terms.T @ weighted)
     c_m = inverse @ (weighted.T @ rise_m)
-    chance = inverse @ covariance_of_sum(weighted * (rise_m - terms @ c_m)[:, None], block) @ inverse
-    slope_variance = 4.0 / 3.0 * max(0.0, float(c_m[2] ** 2 - chance[2, 2])) / half_length_m**2
+    by_errors = inverse @ covariance_of_sum(weighted * (rise_m - terms @ c_m)[:, None], block) @ inverse
+    square_m2 = max(0.0, float(c_m[2] ** 2 - by_errors[2, 2]) - locking_m**2)
     pivot = np.array([1.0, 0.0, region.ahead_m])
-    cov: FloatArray = slope_variance * np.outer(pivot, pivot)
+    cov: FloatArray = 4.0 / 3.0 * square_m2 / half_length_m**2 * np.outer(pivot, pivot)
     return cov

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from messages.arrays import FloatArray, IntArray
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane, PlaneFit
 from perception.ground.relief import relief_cov
@@ -18,10 +19,16 @@ def points(rise_at_the_ends_m: float) -> tuple[np.ndarray[tuple[int, int], np.dt
     return np.column_stack((x, y, -FIT.plane.height_m + rise_at_the_ends_m * xi**2)), rise_at_the_ends_m
 
 
+def widened(points_H: FloatArray, block: IntArray | None = None, locking_px: float = 0.0) -> FloatArray:
+    count = len(points_H)
+    block = np.arange(count) if block is None else block
+    return relief_cov(FIT, points_H, np.full(count, 38.0), np.zeros(count), block, REGION, locking_px)
+
+
 @pytest.mark.parametrize("rise_mm", [-12.0, 0.5, 12.0])
 def test_every_bend_widens_the_slope_about_the_middle_of_the_region(rise_mm: float) -> None:
     points_H, c2_m = points(1e-3 * rise_mm)
-    cov = relief_cov(FIT, points_H, np.zeros(len(points_H)), np.arange(len(points_H)), REGION)
+    cov = widened(points_H)
     variance = 4.0 / 3.0 * (c2_m / REGION.half_length_m) ** 2  # the mean square of 2 c₂ ξ / l
     assert cov[0, 0] == pytest.approx(variance, rel=1e-6)
     at_the_middle = np.array([-REGION.ahead_m, 0.0, 1.0])
@@ -30,20 +37,25 @@ def test_every_bend_widens_the_slope_about_the_middle_of_the_region(rise_mm: flo
 
 def test_a_plane_is_not_widened() -> None:
     points_H, _ = points(0.0)
-    np.testing.assert_allclose(
-        relief_cov(FIT, points_H, np.zeros(len(points_H)), np.arange(len(points_H)), REGION), 0.0, atol=1e-18
-    )
+    np.testing.assert_allclose(widened(points_H), 0.0, atol=1e-18)
 
 
-def test_a_bend_that_chance_makes_is_taken_off() -> None:
+def test_what_the_matchers_errors_make_of_a_bend_is_taken_off() -> None:
     rng = np.random.default_rng(4)
     points_H, _ = points(0.0)
-    block = np.arange(len(points_H)) // 61  # each row of the grid errs alike
-    found, by_chance = [], []
-    for _ in range(60):
-        error_m = 0.002 * rng.normal(size=block[-1] + 1)[block] * np.sin(np.arange(len(points_H)))
+    block = np.arange(len(points_H)) // 61 * 8 + np.arange(len(points_H)) % 61 // 8
+    known, unknown = [], []
+    for _ in range(200):
+        error_m = 0.002 * rng.normal(size=block.max() + 1)[block]
         noisy = points_H + np.array([0.0, 0.0, 1.0]) * error_m[:, None]
-        found.append(relief_cov(FIT, noisy, np.zeros(len(noisy)), block, REGION)[0, 0])
-        whole = relief_cov(FIT, noisy, np.zeros(len(noisy)), np.zeros_like(block), REGION)
-        by_chance.append(whole[0, 0])  # one block whose errors sum to nothing: no chance is known of
-    assert np.mean(found) < 0.6 * np.mean(by_chance)
+        known.append(widened(noisy, block)[0, 0])
+        unknown.append(widened(noisy)[0, 0])
+    # of a normal c₂ with variance v the mean of c₂² − v, where that is above 0, is 0.48 v
+    assert np.mean(known) == pytest.approx(0.48 * np.mean(unknown), rel=0.3)
+
+
+def test_a_bend_as_small_as_pixel_locking_makes_widens_nothing_and_a_ramps_foot_as_before() -> None:
+    locking_m = FIT.plane.height_m * 0.05 / 38.0
+    assert widened(points(0.9 * locking_m)[0], locking_px=0.05)[0, 0] == 0.0
+    foot = points(0.012)[0]
+    assert widened(foot, locking_px=0.05)[0, 0] == pytest.approx(widened(foot)[0, 0], rel=0.02)
