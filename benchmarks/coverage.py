@@ -181,13 +181,14 @@ def bootstrapped(inside: FloatArray, valid: FloatArray) -> tuple[FloatArray, Flo
 
 def table(found: Sequence[Covered]) -> None:
     """Print one line for each case and number."""
-    print(f"{'':28}units  valid   {'':8}error RMS  stated sd   inside 95 % (bootstrap by unit)")
+    print(f"{'':26}units ever valid  then  {'':8}error RMS  stated sd   inside 95 % (bootstrap by unit)")
     for case in [case for case in CASES if any(each.case == case for each in found)]:
         units = [each for each in found if each.case == case]
         valid = np.array([each.valid for each in units], dtype=np.float64)
         total, frames = valid.sum(), sum(each.frames for each in units)
+        ever = f"{np.count_nonzero(valid)} of {len(units)}"
         if total == 0.0:
-            print(f"{case:28}{len(units):5}    0 %")
+            print(f"{case:26}{ever:>11}")
             continue
         inside = np.array([each.inside for each in units], dtype=np.float64)
         error, stated = (
@@ -196,11 +197,11 @@ def table(found: Sequence[Covered]) -> None:
         )
         low, high = bootstrapped(inside[valid > 0], valid[valid > 0])
         for k, name in enumerate(("ahead", "across", "height")):
-            start = f"{case:28}{len(units):5} {total / frames:6.1%}" if k == 0 else f"{'':40}"
+            start = f"{case:26}{ever:>11} {total / frames:8.1%}" if k == 0 else ""
             values = (1e3 * error[k], 1e3 * stated[k]) if k == 2 else (math.degrees(error[k]), math.degrees(stated[k]))
             numbers = "{:6.2f} mm  {:6.2f} mm" if k == 2 else "{:7.3f}°   {:7.3f}°"
             share = inside.sum(axis=0)[k] / total
-            print(f"{start:40}  {name:8}{numbers.format(*values)}   {share:6.1%} ({low[k]:.1%} to {high[k]:.1%})")
+            print(f"{start:47}{name:8}{numbers.format(*values)}   {share:6.1%} ({low[k]:.1%} to {high[k]:.1%})")
 
 
 def main() -> None:
