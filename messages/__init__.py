@@ -1,5 +1,6 @@
 from messages.arrays import DepthImage, GreyImage
 from messages.calibration import (
+    CAMERA_HEIGHTS_M,
     Calibration,
     DepthCalibration,
     DepthUnitCalibration,
@@ -10,6 +11,7 @@ from messages.calibration import (
     Residual,
     StereoCalibration,
     UnitCalibration,
+    WearerHeight,
     matrix3,
     reduced_lens,
     reduced_stereo,
@@ -61,6 +63,7 @@ from messages.refusal import Refusal
 from messages.topics import TOPIC_OF, TOPICS, DropRule, Topic
 
 __all__ = [
+    "CAMERA_HEIGHTS_M",
     "TOPICS",
     "TOPIC_OF",
     "AnkleState",
@@ -116,6 +119,7 @@ __all__ = [
     "UnitCalibration",
     "UserError",
     "Vec3",
+    "WearerHeight",
     "ZenohHealth",
     "capture_ns",
     "matrix3",
