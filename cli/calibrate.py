@@ -107,10 +107,13 @@ def wearer(
     from calib.files import load_calibration, save_calibration
     from calib.wearer import WearerMeasurement
     from cli.console import check_writable, table, write_json
+    from messages import DepthUnitCalibration, UserError
 
     check_writable(json)
     cv2.setNumThreads(1)
     known = load_calibration(file)
+    if isinstance(known, DepthUnitCalibration):
+        raise UserError(f"{file}: is of a depth camera, with which nobody sees whether its wearer stands or walks")
     measured = WearerMeasurement()
     if recording is not None:
         _measure_recorded(recording, known, file, measured)

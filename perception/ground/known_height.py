@@ -3,9 +3,9 @@
 Only ground on which the wearer has walked counts: once the plane ahead has been followed until the feet are on it, and
 while the wearer walks, or stands as high as in walking. Who sits, bends or stands before a step tells nothing then.
 
-What differs, Δ, has two explanations: the wearer, whose shoes and posture differ by 30 mm (1 σ_w), and the camera. Up to
-2 σ_w, and 2 σ of the known height itself, nothing here tells which of them it is: all of Δ² is added to the variance of
-the ground's height. Beyond, no shoe and no posture is an explanation: that is a contradiction, to be told.
+What differs, Δ, has two explanations: the wearer, whose shoes and posture differ by 30 mm (1 σ_w), and the camera. Up
+to 2 σ_w, and 2 σ of the known height itself, nothing here tells which of them it is: all of Δ² is added to the variance
+of the ground's height. Beyond, no shoe and no posture is an explanation: that is a contradiction, to be told.
 """
 
 import math
