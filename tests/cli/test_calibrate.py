@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from calib.files import format_calibration, load_calibration, save_calibration
+from cli import devices
 from cli.main import app
 from daemon.recorder import Recorder
 from messages import UserError, WearerHeight
@@ -17,6 +18,7 @@ from sim_rig.walk.legs import Stand, Walk
 from sim_rig.walk.scenario import Scenario
 from sim_rig.walk.world import WorldBuilder
 from sim_rig.wearer import SimulatedWearer
+from tests.bench.quiet_devices import GreyCamera, QuietImu
 from tests.bench.recorded import INFO
 from tests.bench.zed_conf_file import conf, sections
 
@@ -123,6 +125,26 @@ def test_what_shows_no_wearer_leaves_the_file_as_it_is(tmp_path: Path) -> None:
     save_calibration(file, draw_depth_unit(1, perfect_calibration=True)[1])
     with pytest.raises(UserError, match=r"unit\.yaml: is of a depth camera"):
         calibrate_wearer(file, "--from", recording)
+
+
+@pytest.mark.long
+@pytest.mark.realtime
+def test_on_devices_that_show_nothing_the_file_stays_and_the_devices_are_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, config = tmp_path / "unit.yaml", tmp_path / "gaiteyes.toml"
+    known = draw_unit(7).exact_calibration()
+    save_calibration(file, known)
+    config.write_text("device = 'bench'\n", encoding="utf-8")
+    imu, camera = QuietImu(), GreyCamera()
+    monkeypatch.setattr(QuietImu, "open", lambda _imu: None, raising=False)
+    monkeypatch.setattr(devices, "build_imu", lambda _settings: imu)
+    monkeypatch.setattr(devices, "camera_opener", lambda _settings, _calibration: lambda: camera)
+    with pytest.raises(UserError, match=r"gaiteyes\.toml: 0 of 1\d\d frames show valid ground and motion"):
+        calibrate_wearer(file, "--config", config, "--seconds", 10)
+    assert load_calibration(file) == known
+    assert imu.closed
+    assert camera.closed
 
 
 def test_a_missing_recording_or_device_is_one_line(tmp_path: Path) -> None:
