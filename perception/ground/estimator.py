@@ -123,6 +123,8 @@ class GroundEstimator:
         self._tracks = tracked is not None
         if tracked is None:
             self._known_height.begin_anew()
+            if expected is None:
+                self._search.not_followed()
             return self._invalid(frame, Reason.NOT_PLANAR, measured.matched_share)
         plane, plane_cov = tracked
         height_m = plane.height_m / (1.0 + distance_scale)

@@ -63,9 +63,13 @@ class FirstSearch:
             self._likely_reason = reason
         elif reason is not Reason.NONE and self._likely_reason is not Reason.NONE:
             reason = self._likely_reason
-        self._to_confirm = reason is Reason.NONE and not self._to_confirm
-        self._turn += not self._to_confirm
+        if reason is not Reason.NONE:
+            self._turn, self._to_confirm = self._turn + 1, False
         return reason
+
+    def not_followed(self) -> None:
+        """Leave the band whose plane the next frame has not confirmed either."""
+        self._turn, self._to_confirm = self._turn + self._to_confirm, not self._to_confirm
 
     @property
     def _at_likely(self) -> bool:

@@ -61,9 +61,18 @@ def test_a_band_with_a_plane_is_searched_again_to_confirm_it_and_left_if_it_is_n
     found = search.begin(foothold).band
     assert found != foothold
     assert search.ended(Reason.NONE) is Reason.NONE
+    search.not_followed()
     assert search.begin(foothold).band == found
     search.ended(Reason.NONE)
+    search.not_followed()
     assert search.begin(foothold).band == foothold
+
+
+def test_a_band_whose_plane_is_refused_for_another_reason_is_kept() -> None:
+    search, foothold = FirstSearch(None), FootholdSettings()
+    for _ in range(5):
+        assert search.begin(foothold).band == foothold
+        assert search.ended(Reason.NONE) is Reason.NONE
 
 
 def test_after_a_track_the_search_begins_anew() -> None:
