@@ -2,8 +2,8 @@
 
 The configured height, or the wearer's where it is known, comes first and every second time; the rest of what is
 possible is asked between, band by band, so that a wrong `nominal_height_m` or a wearer who has sat down costs some
-frames, and no frame is matched over more than one band. Where a band shows a plane, the next frame is asked for the same band, to
-confirm it.
+frames, and no frame is matched over more than one band. Where a band shows a plane, the next frame is asked for the
+same band, to confirm it.
 """
 
 import math
