@@ -18,6 +18,7 @@ import numpy as np
 from calib.seal import check_seal, sealed
 from calib.strict_yaml import CalibrationError, format_yaml, parse_yaml
 from messages import (
+    CAMERA_HEIGHTS_M,
     Calibration,
     DepthUnitCalibration,
     Lens,
@@ -89,6 +90,8 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "residual.specific_force_mps2_per_K": (0.0, 0.05),
     "residual.camera_to_imu_rad": (0.0, 0.1),
     "residual.time_s": (0.0, 0.1),
+    "wearer.camera_height_m": CAMERA_HEIGHTS_M,
+    "wearer.std_m": (1e-4, 0.1),
 }
 
 _FINITE = (-sys.float_info.max, sys.float_info.max)

@@ -1,4 +1,4 @@
-"""`gaiteyes calibrate`: calibration files from what is known of a unit, each with its seal."""
+"""`gaiteyes calibrate`: calibration files from what is known of a unit and measured on it, each with its seal."""
 
 import enum
 import math
@@ -9,8 +9,11 @@ import typer
 
 from messages.constants import STANDARD_GRAVITY_MPS2
 
-if TYPE_CHECKING:
-    from messages import UnitCalibration  # every command imports what it needs when it is called
+if TYPE_CHECKING:  # every command imports what it needs when it is called
+    from calib.wearer import WearerMeasurement
+    from daemon.config import Configuration
+    from daemon.pipeline import Pipeline
+    from messages import Learnt, UnitCalibration
 
 calibrate = typer.Typer(help="Make a unit's calibration file.", no_args_is_help=True)
 
@@ -80,6 +83,121 @@ def seal(
     console.print("Sealed as it stands. Compare these values with what was meant.", soft_wrap=True)
     if json is not None:
         write_json(json, {"file": str(file), "id": calibration.id, "calibration": calibration})
+
+
+@calibrate.command()
+def wearer(
+    file: Annotated[Path, typer.Argument(help="The unit's calibration file; the wearer's height is written into it.")],
+    recording: Annotated[
+        Path | None, typer.Option("--from", help="Measure on this recording of the unit, instead of on its devices.")
+    ] = None,
+    config: Annotated[
+        Path, typer.Option(help="Configuration (TOML) that names the devices; the service must not be using them.")
+    ] = Path("gaiteyes.toml"),
+    seconds: Annotated[float, typer.Option(min=10.0, max=300.0, help="How long to measure on devices.")] = 30.0,
+    json: JsonFile = None,
+) -> None:
+    """Measure how high the wearer carries the camera, over half a minute of standing and walking, and keep it.
+
+    Stand upright for some seconds, walk on over level ground, stand again, in the shoes worn most.
+    """
+    import cv2
+    import msgspec
+
+    from calib.files import load_calibration, save_calibration
+    from calib.wearer import WearerMeasurement
+    from cli.console import check_writable, table, write_json
+    from messages import DepthUnitCalibration, UserError
+
+    check_writable(json)
+    cv2.setNumThreads(1)
+    known = load_calibration(file)
+    if isinstance(known, DepthUnitCalibration):
+        raise UserError(f"{file}: is of a depth camera, with which nobody sees whether its wearer stands or walks")
+    measured = WearerMeasurement()
+    if recording is not None:
+        _measure_recorded(recording, known, file, measured)
+    else:
+        _measure_live(config, seconds, known, measured)
+    height = measured.height(str(recording if recording is not None else config))
+    made = msgspec.structs.replace(known, wearer=height)
+    save_calibration(file, made)
+    table(
+        f"{file}: unit '{made.unit}', calibration {made.id}",
+        ["", "value"],
+        [
+            ["camera above the ground", f"{height.camera_height_m:.3f} ± {height.std_m:.3f} m"],
+            ["frames", str(measured.frames)],
+        ],
+    )
+    if json is not None:
+        write_json(json, {"file": str(file), "id": made.id, "frames": measured.frames, "wearer": height})
+
+
+def _measure_recorded(recording: Path, known: "UnitCalibration", file: Path, measured: "WearerMeasurement") -> None:
+    """Give `measured` what the pipeline makes of a recording. Raises UserError if it is of another calibration."""
+    from daemon.replay_source import open_source
+    from messages import UserError
+
+    opened = open_source(recording, None)
+    if _without_wearer(opened.calibration).id != _without_wearer(known).id:
+        raise UserError(
+            f"{recording}: was recorded with calibration {opened.calibration.id} of unit '{opened.calibration.unit}', "
+            f"{file} is {known.id} of '{known.unit}': measure on a recording made with this file"
+        )
+    pipeline = _pipeline(known, opened.configuration, opened.learnt)
+    for message in opened.inputs():
+        for estimate in pipeline.step(message):
+            measured.add(estimate)
+
+
+def _measure_live(config: Path, seconds: float, known: "UnitCalibration", measured: "WearerMeasurement") -> None:
+    """Give `measured` what the service makes of the devices that the configuration names; nothing is published."""
+    from cli.devices import build_imu, camera_opener
+    from cli.live import LiveStatus
+    from cli.wiring import stopped_by_signals
+    from daemon.config import load_configuration
+    from daemon.replaceable_camera import ReplaceableCamera
+    from daemon.service import Devices, Service
+    from daemon.stamping import Stamper
+    from daemon.state_file import StateKeeper, state_path
+    from daemon.summary import Tally
+    from drivers.boot_id import read_boot_id
+    from messages import Source
+
+    configuration = load_configuration(config)
+    learnt = StateKeeper(state_path(config, configuration), known).load()
+    imu, camera = build_imu(configuration.imu), ReplaceableCamera(camera_opener(configuration.camera, known))
+    imu.open()
+    camera.open()
+    tally = Tally()
+    service = Service(
+        _pipeline(known, configuration, learnt),
+        Devices(imu=imu, camera=camera),
+        [],
+        Stamper(configuration.device, read_boot_id(), Source.LIVE),
+        observers=[tally, lambda estimate, _header: measured.add(estimate)],
+    )
+    with stopped_by_signals(service), LiveStatus(tally) as live:
+        service.run(seconds, status=lambda: live.refresh(service.problems))
+
+
+def _pipeline(known: "UnitCalibration", configuration: "Configuration", learnt: "Learnt | None") -> "Pipeline":
+    """Return the pipeline of a unit that knows its wearer not yet."""
+    import msgspec
+
+    from daemon.pipeline import Pipeline
+
+    bare = _without_wearer(known)
+    if learnt is not None:  # of the sensors, which are the same
+        learnt = msgspec.structs.replace(learnt, calibration_id=bare.id)
+    return Pipeline(bare, configuration.foothold, learnt)
+
+
+def _without_wearer(calibration: "UnitCalibration") -> "UnitCalibration":
+    import msgspec
+
+    return msgspec.structs.replace(calibration, wearer=msgspec.UNSET)
 
 
 def _tell(file: Path, calibration: "UnitCalibration") -> None:

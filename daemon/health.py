@@ -19,6 +19,7 @@ from messages import (
     Reason,
     Status,
 )
+from perception.ground.known_height import HeightDifference
 
 PERIOD_NS = TOPICS["health"].period_ns
 """Between two health messages, as the table of topics states it."""
@@ -65,7 +66,7 @@ class HealthMonitor:
         else:
             self._grounds_refused[estimate.reason] += 1
 
-    def due(self, t_ns: int, load: Load) -> Iterator[Health]:
+    def due(self, t_ns: int, load: Load, height: HeightDifference) -> Iterator[Health]:
         """Yield the health message if a second has passed since the last one."""
         if self._due_ns is None:
             self._due_ns = t_ns + PERIOD_NS
@@ -99,4 +100,6 @@ class HealthMonitor:
             load=load,
             calibration_id=self._calibration_id,
             learnt_id=self._learnt_id,
+            height_off_m=height.off_m,
+            height_contradicts=height.contradicts,
         )

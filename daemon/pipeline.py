@@ -135,7 +135,7 @@ class Pipeline:
             yield from self._estimate_ground(self._waiting)
         yield from self._report_camera_silence(t_ns)
         yield from self._report_imu_silence(t_ns)
-        yield from self._health.due(t_ns, self._load)
+        yield from self._health.due(t_ns, self._load, self._ground.height_difference)
 
     def _report_camera_silence(self, t_ns: int) -> Iterator[Estimate]:
         if self._report_silence_at_ns is None or self._camera_due_ns is None:

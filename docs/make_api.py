@@ -37,6 +37,7 @@ SECTIONS = {
     "Calibration": [
         "UnitCalibration", "Calibration", "DepthUnitCalibration", "StereoCalibration", "DepthCalibration", "Lens",
         "ImuCalibration", "Pose", "Residual", "Matrix3", "Learnt", "BiasAtTemperature", "DepthScale",
+        "WearerHeight",
     ],
     "Errors": ["UserError"],
 }  # fmt: skip

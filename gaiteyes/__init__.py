@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from messages import UnitCalibration as UnitCalibration
     from messages import UserError as UserError
     from messages import Vec3 as Vec3
+    from messages import WearerHeight as WearerHeight
     from messages import ZenohHealth as ZenohHealth
     from messages.arrays import FloatArray as FloatArray
     from messages.can_receiver import GroundReceiver as GroundReceiver
@@ -160,6 +161,7 @@ _HOMES = {
     "UnitCalibration": "messages",
     "UserError": "messages",
     "Vec3": "messages",
+    "WearerHeight": "messages",
     "ZenohHealth": "messages",
 }
 """Where each name is defined."""

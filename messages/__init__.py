@@ -1,5 +1,6 @@
 from messages.arrays import DepthImage, GreyImage
 from messages.calibration import (
+    CAMERA_HEIGHTS_M,
     NO_RESIDUAL,
     Calibration,
     DepthCalibration,
@@ -11,6 +12,7 @@ from messages.calibration import (
     Residual,
     StereoCalibration,
     UnitCalibration,
+    WearerHeight,
     matrix3,
     reduced_lens,
     reduced_stereo,
@@ -62,6 +64,7 @@ from messages.refusal import Refusal
 from messages.topics import TOPIC_OF, TOPICS, DropRule, Topic
 
 __all__ = [
+    "CAMERA_HEIGHTS_M",
     "NO_RESIDUAL",
     "TOPICS",
     "TOPIC_OF",
@@ -118,6 +121,7 @@ __all__ = [
     "UnitCalibration",
     "UserError",
     "Vec3",
+    "WearerHeight",
     "ZenohHealth",
     "capture_ns",
     "matrix3",

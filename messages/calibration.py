@@ -189,14 +189,29 @@ def _stated(value: float | msgspec.UnsetType, usual: float) -> float:
     return usual if isinstance(value, msgspec.UnsetType) else value
 
 
+CAMERA_HEIGHTS_M = (0.5, 1.6)
+"""How high above the ground a camera may be worn: from one who sits to one who is tall and has it at the chest."""
+
+
+class WearerHeight(msgspec.Struct, frozen=True, kw_only=True):
+    """How high above the ground the camera is on its wearer, who stands upright, with one standard deviation."""
+
+    camera_height_m: Annotated[float, msgspec.Meta(ge=CAMERA_HEIGHTS_M[0], le=CAMERA_HEIGHTS_M[1])]
+    std_m: Annotated[float, msgspec.Meta(gt=0.0, le=0.1)]
+
+
 class Calibration(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything the daemon knows about a stereo unit. `X_BL` is the pose of the raw left camera in the IMU frame."""
+    """Everything the daemon knows about a stereo unit. `X_BL` is the pose of the raw left camera in the IMU frame.
+
+    `wearer` is who wears it, where that has been measured.
+    """
 
     unit: str
     imu: ImuCalibration
     stereo: StereoCalibration
     X_BL: Pose
     residual: Residual
+    wearer: WearerHeight | msgspec.UnsetType = msgspec.UNSET
 
     @property
     def id(self) -> str:
@@ -215,13 +230,17 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DepthUnitCalibration(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything the daemon knows about a unit with a depth camera, whose pose in the IMU frame is `X_BD`."""
+    """Everything the daemon knows about a unit with a depth camera, whose pose in the IMU frame is `X_BD`.
+
+    `wearer` is who wears it, where that has been measured.
+    """
 
     unit: str
     imu: ImuCalibration
     depth: DepthCalibration
     X_BD: Pose
     residual: Residual
+    wearer: WearerHeight | msgspec.UnsetType = msgspec.UNSET
 
     @property
     def id(self) -> str:

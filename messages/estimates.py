@@ -207,6 +207,9 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     """Once a second: what arrived, what was lost and by which cause, since the start.
 
     `learnt_id` is the id of what the unit had learnt in earlier runs when this one began; empty if it was nothing.
+    `height_off_m` is by how much lower the ground under the wearer lies, averaged over strides, than the wearer's
+    height in the calibration says; NaN where that is not known. `height_contradicts` says that neither shoes nor
+    posture explain it.
     """
 
     t_ns: int
@@ -234,6 +237,8 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     calibration_id: str
     learnt_id: str
     zenoh: ZenohHealth = ZenohHealth()
+    height_off_m: float = _NAN
+    height_contradicts: bool = False
 
 
 Estimate = Attitude | GroundPlane | Motion | Health

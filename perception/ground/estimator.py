@@ -1,7 +1,9 @@
 """A frame and the attitude at its mid-exposure to the published estimate of the ground ahead."""
 
+import math
 from functools import partial
 
+import msgspec
 import numpy as np
 
 from messages import Frame, GroundPlane, Reason, Status, StereoFrame, UnitCalibration, Vec3, upper_triangle
@@ -9,7 +11,9 @@ from messages.arrays import FloatArray
 from perception import so3
 from perception.depth.deformation import SOUND
 from perception.depth.focal_lengths import UNWATCHED, FocalDifference
+from perception.ground.first_search import FirstSearch
 from perception.ground.foothold import FootholdSettings
+from perception.ground.known_height import HeightDifference, KnownHeight
 from perception.ground.meter import GroundMeasurement, GroundMeter
 from perception.ground.plane import Plane
 from perception.ground.repetition import RepetitionWatch
@@ -29,11 +33,19 @@ class GroundEstimator:
         self._tracker = PlaneTracker(TrackingSettings())
         self._repetition = RepetitionWatch()
         self._view = ViewCheck(self._meter)
+        wearer = None if calibration.wearer is msgspec.UNSET else calibration.wearer
+        self._search = FirstSearch(wearer)
+        self._known_height = KnownHeight(wearer)
         self._tracks = False
         self._swap_watch = _SwapWatch()
         self.R_BC: FloatArray = np.array(calibration.X_BE.R) @ self._meter.camera.R_EC
         """Takes vectors of the rectified camera to B, (3, 3)."""
         self._p_BC_m = np.array(calibration.X_BE.p_m)
+
+    @property
+    def height_difference(self) -> HeightDifference:
+        """Return how the ground's height differs from the wearer's, where the calibration has that."""
+        return self._known_height.difference
 
     def set_foothold(self, foothold: FootholdSettings) -> None:
         """Measure another region from the next frame on."""
@@ -70,12 +82,13 @@ class GroundEstimator:
         expected = self._tracker.predicted(t_ns, R_WH)
         w_WC_C_radps = self.R_BC.T @ np.array(w_WB_B_radps)
         region = self._foothold.narrowed() if reduced else self._foothold
+        searched = self._search.begin(region) if expected is None else self._search.skip(region)
         R_HC = R_WH.T @ R_WC
 
         def measure(near: Plane | None, margin_m: float | None = None, *, swapped: bool = False) -> GroundMeasurement:
-            images = frame.images[::-1] if swapped else frame.images
+            images, band = (frame.images[::-1], searched.likely) if swapped else (frame.images, searched.band)
             return self._meter.measure(
-                images, R_HC, w_WC_C_radps, height_rate_mps, region, near, margin_m, focal_difference
+                images, R_HC, w_WC_C_radps, height_rate_mps, band, near, margin_m, focal_difference
             )
 
         measured = measure(expected, self._repetition.margin_m(t_ns, expected))
@@ -84,14 +97,15 @@ class GroundEstimator:
             self._swap_watch.clear()
             ask = partial(self._meter.find_repeats, frame.images, R_HC, region)
             measured, may_begin = self._repetition.resolved(
-                t_ns, measured, measured.fit, expected, region, ask, measure
+                t_ns, measured, measured.fit, expected, searched.bounds, ask, measure
             )
+        reason = measured.reason if expected is not None else self._search.ended(measured.reason)
         if measured.fit is None and self._repetition.repeats(t_ns):
-            return self._invalid(frame, measured.reason, measured.matched_share)
+            return self._invalid(frame, reason, measured.matched_share)
         if measured.fit is None:
-            suspected = isinstance(frame, StereoFrame) and self._swap_watch.suspects(measured.reason)
+            suspected = isinstance(frame, StereoFrame) and self._swap_watch.suspects(reason)
             swapped = suspected and measure(None, swapped=True).fit is not None
-            return self._invalid(frame, self._swap_watch.verdict(measured.reason, swapped), measured.matched_share)
+            return self._invalid(frame, self._swap_watch.verdict(reason, swapped), measured.matched_share)
         view = SOUND
         if v_W_mps is not None:
             v_C_mps = R_WC.T @ np.array(v_W_mps) + so3.skew(w_WC_C_radps) @ self.R_BC.T @ self._p_BC_m
@@ -113,9 +127,16 @@ class GroundEstimator:
             self._view.begin_anew()
         self._tracks = tracked is not None
         if tracked is None:
+            self._known_height.begin_anew()
+            if expected is None:
+                self._search.not_followed()
             return self._invalid(frame, Reason.NOT_PLANAR, measured.matched_share)
         plane, plane_cov = tracked
-        cov = _slope_cov(plane, plane_cov + measured.lasting_cov + self._view.covariance(plane, R_HC))
+        height_m = plane.height_m / (1.0 + distance_scale)
+        if v_W_mps is not None:
+            self._known_height.add(t_ns, height_m, math.hypot(*v_W_mps[:2]), self._foothold)
+        cov = plane_cov + measured.lasting_cov + self._view.covariance(plane, R_HC) + self._height_cov(plane, R_HC)
+        cov = _slope_cov(plane, cov)
         cov[:2, :2] += _of_slopes(R_WH.T @ rotation_cov_W_rad2 @ R_WH) + self._mounting_cov(w_WB_B_radps)
         return GroundPlane(
             t_exposure_ns=t_ns,
@@ -124,7 +145,7 @@ class GroundEstimator:
             reason=Reason.NONE,
             slope_sagittal_rad=float(np.arctan(plane.gradient[0])),
             slope_frontal_rad=float(np.arctan(plane.gradient[1])),
-            height_m=plane.height_m / (1.0 + distance_scale),
+            height_m=height_m,
             covariance=upper_triangle(cov),
             ahead_m=self._foothold.ahead_m,
             matched_share=measured.matched_share,
@@ -143,6 +164,20 @@ class GroundEstimator:
             calibration_id=self._calibration_id,
             matched_share=matched_share,
         )
+
+    def _height_cov(self, plane: Plane, R_HC: FloatArray) -> FloatArray:
+        """Return the covariance (3, 3) of (a, b, h) by what the height differs from the wearer's.
+
+        What neither shoes nor posture explain may be a common offset of the disparities, which turns the plane as well.
+        """
+        found = self._known_height.difference
+        cov = np.zeros((3, 3))
+        if found.contradicts:
+            cov = self._meter.offset_cov(plane, R_HC, np.array([[0.0, 0.0, 1.0]]))
+            cov *= found.variance_m2 / cov[2, 2]
+        else:
+            cov[2, 2] = found.variance_m2
+        return cov
 
     def _mounting_cov(self, w_B_radps: Vec3) -> FloatArray:
         """Return the covariance (2, 2) that mounting and frame time add to the slopes."""

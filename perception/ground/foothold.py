@@ -12,9 +12,10 @@ from perception.ground.plane import Plane
 class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True):
     """The rectangle of ground that is measured, and how far up or down it may lie.
 
-    The region is centred `ahead_m` along x of H and on the wearer's midline. Before the first plane is known the
-    camera is taken to be at `nominal_height_m`, give or take `height_margin_m`; afterwards the ground may rise or
-    fall by `step_m` from one frame to the next (a stair is 0.17 m, a high kerb 0.25 m).
+    The region is centred `ahead_m` along x of H and on the wearer's midline. While no plane is known the ground is
+    looked for `nominal_height_m` below the camera, give or take `height_margin_m`, and in every second frame elsewhere
+    (`first_search`); afterwards it may rise or fall by `step_m` from one frame to the next (a stair is 0.17 m, a high
+    kerb 0.25 m).
     """
 
     ahead_m: Annotated[float, msgspec.Meta(ge=0.2, le=4.0)] = 0.7

@@ -22,6 +22,10 @@ _SEAT_LEAN_RAD, _SEATED_LEAN_RAD = np.deg2rad((35.0, 5.0))
 _SEAT_BENT_S = 0.9  # until the trunk leans forward most
 _SEAT_SINK_AFTER_S = 0.4
 
+_BEND_S = 1.2
+_BEND_LEAN_RAD = float(np.deg2rad(30.0))  # of the pelvis, on which the camera sits; the back bends further
+_BEND_SINK_M, _BEND_BACK_M = 0.12, 0.10
+
 _TRIP_S, _RECOVERY_S = 0.15, 0.35
 _TRIP_LEAN_RAD = float(np.deg2rad(14.0))
 _TRIP_SINK_M, _TRIP_BACK_M = 0.03, 0.03
@@ -78,7 +82,17 @@ class Sit:
     seated_s: float
 
 
-Leg = Walk | Stand | Turn | Sit
+@dataclass(frozen=True)
+class Bend:
+    """Bend down as to pick something up, remain so for `held_s`, straighten.
+
+    The hip sinks by 0.12 m and goes back by 0.1 m; the pelvis leans forward by 30°.
+    """
+
+    held_s: float
+
+
+Leg = Walk | Stand | Turn | Sit | Bend
 
 
 @dataclass(frozen=True)
@@ -136,8 +150,10 @@ class _Planner:
             self._walk(leg, stops)
         elif isinstance(leg, Turn):
             self._turn(leg)
-        else:
+        elif isinstance(leg, Sit):
             self._sit(leg)
+        else:
+            self._bend(leg)
 
     def plan(self) -> Plan:
         """Return the plan of all legs so far."""
@@ -227,6 +243,16 @@ class _Planner:
         ]
         self._back += [Change(down_s, _SIT_S, _SEAT_BACK_M), Change(up_s, _SIT_S, -_SEAT_BACK_M)]
         self._keep(2 * _SIT_S + leg.seated_s)
+
+    def _bend(self, leg: Bend) -> None:
+        down_s, up_s = self._t_s, self._t_s + _BEND_S + leg.held_s
+        for changes, by in (
+            (self._lean, _BEND_LEAN_RAD),
+            (self._sink, _BEND_SINK_M),
+            (self._back, _BEND_BACK_M),
+        ):
+            changes += [Change(down_s, _BEND_S, by), Change(up_s, _BEND_S, -by)]
+        self._keep(2 * _BEND_S + leg.held_s)
 
 
 def _straight(pace: PPoly) -> PPoly:

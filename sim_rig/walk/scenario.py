@@ -8,7 +8,7 @@ from functools import partial
 from messages import UserError
 from sim_rig.imu.drift import NO_DRIFT, Drift
 from sim_rig.walk.gait import EVEN, Gait, Habits
-from sim_rig.walk.legs import Leg, Sit, Stand, Turn, Walk
+from sim_rig.walk.legs import Bend, Leg, Sit, Stand, Turn, Walk
 from sim_rig.walk.own_legs import OwnLegs
 from sim_rig.walk.passers_by import PassersBy
 from sim_rig.walk.relief import Relief
@@ -181,6 +181,14 @@ def sitting(pace: Pace) -> Scenario:
     return Scenario("sitting", "turning round, sitting down and standing up", _square(), there + back, habits=_USUAL)
 
 
+def bending(pace: Pace) -> Scenario:
+    """Return a wearer who stops twice to pick something up."""
+    ground = WorldBuilder().level(9.0, "concrete").level(9.0, "paving")
+    legs = (Stand(1.5), pace.to(7.0), Bend(2.0), Stand(0.5), pace.to(11.0), Bend(0.5), pace.to(18.0), Stand(0.5))
+    line = "level ground, stopping twice to bend down, for 2 s and for 0.5 s"
+    return Scenario("bending", line, ground.build(), legs, habits=_USUAL)
+
+
 def stumbling(pace: Pace) -> Scenario:
     """Return three stumbles on level ground."""
     world = WorldBuilder().level(15.0, "paving").level(15.0, "grass").build()
@@ -299,6 +307,7 @@ _MAKERS: dict[str, Callable[[Pace], Scenario]] = {
     "stops": stops,
     "turns": turns,
     "sitting": sitting,
+    "bending": bending,
     "stumbling": stumbling,
     "limping": limping,
     "stairs": stairs,

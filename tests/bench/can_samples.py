@@ -110,6 +110,7 @@ def health(**changes: object) -> Health:
         load=Load.REDUCED,
         calibration_id="a3f01234",
         learnt_id="",
+        height_off_m=0.012,
     )
     return msgspec.structs.replace(calm, **changes)
 

@@ -63,7 +63,11 @@ def test_a_written_file_reads_back_equal_under_the_same_id(tmp_path: Path) -> No
         ("cx_px: 423.5", "cx_px: 900", "depth.lens.cx_px is 900, allowed 254.4 to 593.6 of 848 px"),
         ("[0, -1, 0]]", "[0, -2, 0]]", "X_BD.R is no rotation: off orthonormal by 3, allowed up to 1e-06"),
         ("distortion: [0, 0, 0, 0]", "distortion: [0]", "depth.lens.distortion has 1 terms, allowed 4, 5, 8, 12, 14"),
-        ("depth:\n", "stereo: {}\ndepth:\n", "stereo is not a known field; allowed: unit, imu, depth, X_BD, residual"),
+        (
+            "depth:\n",
+            "stereo: {}\ndepth:\n",
+            "stereo is not a known field; allowed: unit, imu, depth, X_BD, residual, wearer",
+        ),
     ],
 )
 def test_a_mistake_is_one_line_with_field_and_range(old: str, new: str, line: str) -> None:

@@ -25,6 +25,7 @@ from messages import (
     Residual,
     StereoCalibration,
     UserError,
+    WearerHeight,
     matrix3,
     vec3,
 )
@@ -337,3 +338,33 @@ def test_frames_of_another_size_are_named() -> None:
     with pytest.raises(UserError) as raised:
         check_frame_size(calibration, 752, 480, "/dev/video0")
     assert str(raised.value) == "calibration 'bench-7' is for 1280x720 px, /dev/video0 delivers 752x480 px"
+
+
+def test_a_file_without_a_wearer_has_the_id_and_the_text_that_it_had_before() -> None:
+    calibration = parse_calibration(DOCUMENT, "unit.yaml")
+    assert calibration.wearer is msgspec.UNSET
+    assert calibration.id == "2dd26075"
+    assert "wearer" not in format_calibration(calibration)
+
+
+def test_the_wearers_height_is_kept_and_changes_the_id(tmp_path: Path) -> None:
+    calibration = parse_calibration(DOCUMENT, "unit.yaml")
+    worn = msgspec.structs.replace(calibration, wearer=WearerHeight(camera_height_m=0.97, std_m=0.005))
+    save_calibration(tmp_path / "unit.yaml", worn)
+    assert load_calibration(tmp_path / "unit.yaml") == worn
+    assert worn.id != calibration.id
+
+
+@pytest.mark.parametrize(
+    ("wearer", "line"),
+    [
+        ({"camera_height_m": 0.49, "std_m": 0.005}, "wearer.camera_height_m is 0.49, allowed 0.5 to 1.6"),
+        ({"camera_height_m": math.nan, "std_m": 0.005}, "wearer.camera_height_m is nan, allowed 0.5 to 1.6"),
+        ({"camera_height_m": 0.97, "std_m": 0.0}, "wearer.std_m is 0, allowed 0.0001 to 0.1"),
+        ({"camera_height_m": 0.97}, "wearer.std_m is missing"),
+        ({"camera_hight_m": 0.97}, "wearer.camera_hight_m is not a known field; did you mean 'camera_height_m'?"),
+        (0.97, "wearer"),
+    ],
+)
+def test_an_impossible_wearer_is_one_line(wearer: object, line: str) -> None:
+    assert line in complaint(document(wearer=wearer))

@@ -1,11 +1,14 @@
 """An estimate without numbers says why, and holds NaN in place of each of them."""
 
+import json
 import math
 
 import msgspec
 import pytest
 
-from messages import Attitude, GroundPlane, Motion, Reason, Status
+from messages import Attitude, GroundPlane, Health, Motion, Reason, Status
+from messages.codec import decode, encode
+from tests.bench.can_samples import health
 
 
 def numbers(estimate: msgspec.Struct, *names: str) -> list[float]:
@@ -63,3 +66,11 @@ def test_nothing_without_numbers_is_valid() -> None:
         Attitude.invalid(t_sample_ns=7, reason=Reason.NONE, calibration_id="a3f01234")
     with pytest.raises(ValueError, match="says why"):
         GroundPlane.invalid(t_exposure_ns=7, frame_seq=3, reason=Reason.NONE, ahead_m=0.6, calibration_id="a3f01234")
+
+
+def test_health_from_before_the_wearers_height_is_read() -> None:
+    older = json.loads(encode(health()))
+    del older["height_off_m"], older["height_contradicts"]
+    read = decode(json.dumps(older), Health)
+    assert math.isnan(read.height_off_m)
+    assert not read.height_contradicts

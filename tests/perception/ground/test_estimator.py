@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from messages import Calibration, GroundPlane, GroundTruth, Reason, Status, StereoFrame, Vec3
+from messages import Calibration, GroundPlane, GroundTruth, Reason, Status, StereoFrame, Vec3, WearerHeight
 from perception.depth.disparity import OutOfRangeError
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window
@@ -71,6 +71,49 @@ def test_slope_and_height_agree_with_the_truth_within_what_is_stated(name: str, 
     stated = np.array([ground.covariance for ground, truth in pairs if not truth.transition])[:, [0, 3, 5]]
     within = np.abs(errors(pairs)) <= 1.96 * np.sqrt(stated)
     assert within.mean() > 0.85
+
+
+@pytest.mark.parametrize("nominal_height_m", [0.5, 1.4])
+def test_a_wrong_nominal_height_costs_some_frames_and_no_plane(nominal_height_m: float) -> None:
+    wearer = SimulatedWearer(11, scenario("standing"), START_NS, perfect_calibration=True)
+    estimator = GroundEstimator(wearer.calibration, FootholdSettings(nominal_height_m=nominal_height_m))
+    found = []
+    for frame, truth in wearer.frames(7, first=20):
+        R_WB = wearer.gait.at(np.array([frame.header.t_exposure_ns])).R_WB[0]
+        found.append((estimator.estimate(frame, R_WB, (0.0, 0.0, 0.0), np.zeros((3, 3))), truth))
+    assert found[0][0].status is Status.INVALID
+    ground, truth = found[-1]
+    assert ground.status is Status.VALID
+    assert ground.height_m == pytest.approx(truth.height_m, abs=0.01)
+
+
+@pytest.mark.parametrize(("off_m", "contradicts"), [(-0.03, False), (0.2, True)])
+def test_what_differs_from_the_wearers_height_widens_the_height_and_beyond_all_shoes_the_slope(
+    off_m: float, contradicts: bool
+) -> None:
+    wearer = SimulatedWearer(12, scenario("level"), START_NS, perfect_calibration=True)
+    frame, truth = next(iter(wearer.frames(1, first=20)))
+    R_WB = wearer.gait.at(np.array([frame.header.t_exposure_ns])).R_WB[0]
+    known = WearerHeight(camera_height_m=truth.height_m - off_m, std_m=0.005)
+
+    def after_a_walk(calibration: Calibration) -> tuple[GroundEstimator, GroundPlane]:
+        """One picture for six seconds of a slow walk."""
+        estimator = GroundEstimator(calibration, FootholdSettings())
+        for k, t_s in enumerate((0.0, 0.05, *np.arange(0.25, 6.5, 0.2))):
+            t_ns = frame.header.t_exposure_ns + round(1e9 * t_s)
+            header = msgspec.structs.replace(frame.header, seq=k, t_exposure_ns=t_ns)
+            later = msgspec.structs.replace(frame, header=header)
+            ground = estimator.estimate(later, R_WB, (0.0, 0.0, 0.0), np.zeros((3, 3)), v_W_mps=(0.45, 0.0, 0.0))
+        return estimator, ground
+
+    _, alone = after_a_walk(wearer.calibration)
+    estimator, ground = after_a_walk(msgspec.structs.replace(wearer.calibration, wearer=known))
+    assert estimator.height_difference.contradicts is contradicts
+    assert estimator.height_difference.off_m == pytest.approx(off_m, abs=0.01)
+    assert np.sqrt(ground.covariance[5] - alone.covariance[5]) == pytest.approx(abs(off_m), abs=0.01)
+    assert (ground.covariance[0] > 2.0 * alone.covariance[0]) is contradicts
+    assert ground.slope_sagittal_rad == pytest.approx(alone.slope_sagittal_rad, abs=1e-9)
+    assert ground.height_m == pytest.approx(alone.height_m, abs=1e-9)
 
 
 @pytest.mark.long

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from messages.arrays import FloatArray
 from sim_rig.walk.gait import Gait, Habits, Motion
-from sim_rig.walk.legs import Leg, Sit, Stand, Turn, Walk
+from sim_rig.walk.legs import Bend, Leg, Sit, Stand, Turn, Walk
 from sim_rig.walk.scenario import Pace, scenario
 from sim_rig.walk.world import WorldBuilder
 
@@ -99,6 +99,17 @@ def test_who_sits_down_sinks_and_leans_and_comes_back() -> None:
     assert pitch[t_s > 9.0] == pytest.approx(pitch[0], abs=1.0)
     np.testing.assert_array_equal(motion.standing, (t_s <= 1.0) | (t_s >= 9.0))
     assert np.abs(motion.a_WB_mps2).max() < 3.0
+
+
+def test_who_bends_down_sinks_and_leans_for_as_long_as_that_takes() -> None:
+    t_s = np.arange(0.0, 6.4, 0.01)
+    motion = at(gait_of(Stand(1.0), Bend(2.0), Stand(1.0)), t_s)
+    sunk, pitch = motion.p_WB_m[0, 2] - motion.p_WB_m[:, 2], hip_deg(motion)[1]
+    bent = (t_s > 2.2) & (t_s < 4.2)
+    assert sunk[bent] == pytest.approx(0.12, abs=0.005)
+    assert pitch[bent] - pitch[0] == pytest.approx(30.0, abs=1.0)
+    assert sunk[t_s > 5.4] == pytest.approx(0.0, abs=0.005)
+    np.testing.assert_array_equal(motion.standing, (t_s <= 1.0) | (t_s >= 5.4))
 
 
 def test_a_stumble_pitches_the_hip_suddenly_and_is_over_within_half_a_second() -> None:
