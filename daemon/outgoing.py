@@ -8,7 +8,19 @@ from daemon.latency import FrameTimes, LatencyLog
 from daemon.recorder import Recorder
 from daemon.stamping import Stamper
 from daemon.watch import GroundWatch
-from messages import Attitude, Estimate, FrameHeader, GroundPlane, Health, Motion, Reason, Stamp, Status, capture_ns
+from messages import (
+    Attitude,
+    Estimate,
+    FrameHeader,
+    GroundPlane,
+    Health,
+    Motion,
+    Reason,
+    Stamp,
+    Status,
+    Terrain,
+    capture_ns,
+)
 
 STALE_NS = 140_000_000
 """From exposure, or sample, to here. What took longer is published as late, not valid: the wearer has moved on.
@@ -115,8 +127,8 @@ def withdrawn_if_late(estimate: Estimate, now_ns: int) -> Estimate:
         return Attitude.invalid(
             t_sample_ns=estimate.t_sample_ns, reason=Reason.LATE, calibration_id=estimate.calibration_id
         )
-    if isinstance(estimate, Motion):
-        return Motion.invalid(
+    if isinstance(estimate, Motion | Terrain):
+        return type(estimate).invalid(
             t_exposure_ns=estimate.t_exposure_ns,
             frame_seq=estimate.frame_seq,
             reason=Reason.LATE,

@@ -21,6 +21,7 @@ from messages import (
     Motion,
     Reason,
     Reconfigured,
+    Terrain,
     Tick,
     UnitCalibration,
 )
@@ -31,6 +32,7 @@ from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
 from perception.motion.odometry import Odometry
 from perception.motion.watch import MotionWatch
+from perception.terrain.estimator import TerrainEstimator
 
 LONGEST_WAIT_NS = 20_000_000
 """How long after its arrival a frame waits for an IMU sample later than its exposure, told by ticks."""
@@ -53,7 +55,7 @@ NO_FRAME_SEQ = -1
 
 
 class Pipeline:
-    """Attitude from each IMU sample, ground and the wearer's motion from each frame, health once a second."""
+    """Attitude from each IMU sample; ground, the wearer's motion and terrain from each frame; health once a second."""
 
     def __init__(self, calibration: UnitCalibration, foothold: FootholdSettings, learnt: Learnt | None = None) -> None:
         """Begin with what the unit has `learnt` in runs before; raises UserError where that is another unit's."""
@@ -63,10 +65,11 @@ class Pipeline:
         self._ground = GroundEstimator(calibration, foothold)
         self._health = HealthMonitor(calibration.id, "" if learnt is None else learnt.id)
         self._load = Load.NORMAL
-        self._passes_over = False  # the motion of a frame: of every second one under load
+        self._passes_over = False  # motion and terrain of a frame: of every second one under load
         self._frame_guard = FrameGuard()
         self._motion = MotionWatch(calibration)
         self._odometry = Odometry(calibration, self._ground.R_BC)
+        self._terrain = TerrainEstimator(calibration, self._ground.camera, self._ground.R_BC, foothold.nominal_height_m)
         self._waiting: Frame | None = None
         self._imu_arrival_ns: int | None = None
         self._newest_sample_ns: int | None = None
@@ -167,6 +170,7 @@ class Pipeline:
         yield self._ground_of(frame, placed)
         yield self._motion_of(frame.header, placed)
         if not self._passes_over:
+            yield self._terrain_of(frame, placed)
             self._motion.finish_frame()
         if self._contradiction is Reason.NONE:
             self._attitude.checkpoint()
@@ -210,9 +214,22 @@ class Pipeline:
             return self._odometry.no_motion(header.t_exposure_ns, header.seq, Reason.LOW_TEXTURE)
         return self._odometry.motion(header.t_exposure_ns, header.seq, movement)
 
+    def _terrain_of(self, frame: Frame, placed: AttitudeAt | Reason) -> Terrain:
+        if isinstance(placed, Reason):
+            return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, placed)
+        return self._terrain.estimate(
+            frame,
+            placed.R_WB,
+            placed.w_WB_B,
+            placed.v_W_mps,
+            height_rate_mps=placed.vertical_swing_mps,
+            distance_scale=self._attitude.distance_scale,
+        )
+
     def _nothing(self, t_ns: int, seq: int, reason: Reason) -> Iterator[Estimate]:
         yield self._no_ground(t_ns, seq, reason)
         yield self._odometry.no_motion(t_ns, seq, reason)
+        yield self._terrain.no_terrain(t_ns, seq, reason)
 
     def _no_ground(self, t_ns: int, seq: int, reason: Reason) -> GroundPlane:
         return GroundPlane.invalid(

@@ -60,7 +60,7 @@ class Tally:
             self._last_sample_ns = estimate.t_sample_ns
         elif isinstance(estimate, Motion):
             self.motion = estimate
-        else:
+        elif isinstance(estimate, Health):
             self.health = estimate
             if self._settled_mb != self._settled_mb and time.monotonic() - self._start_s > SETTLED_S:
                 self._settled_mb = _resident_mb()

@@ -28,10 +28,8 @@ from messages.estimates import (
     Health,
     Motion,
     Quaternion,
-    Reason,
     Source,
     Stamp,
-    Status,
     capture_ns,
     upper_triangle,
 )
@@ -60,7 +58,9 @@ from messages.inputs import (
     ZenohHealth,
 )
 from messages.learnt import BiasAtTemperature, DepthScale, Learnt
+from messages.reasons import Reason, Status
 from messages.refusal import Refusal
+from messages.terrain import Terrain, TerrainEdge, TerrainKind
 from messages.topics import TOPIC_OF, TOPICS, DropRule, Topic
 
 __all__ = [
@@ -116,6 +116,9 @@ __all__ = [
     "Status",
     "StereoCalibration",
     "StereoFrame",
+    "Terrain",
+    "TerrainEdge",
+    "TerrainKind",
     "Tick",
     "Topic",
     "UnitCalibration",

@@ -18,8 +18,9 @@ import msgspec
 from cantools.database.can import Database, Message, Signal
 
 from messages.e2e import E2eSender, Profile2
-from messages.estimates import GroundPlane, Health, Reason, Stamp, Status
+from messages.estimates import GroundPlane, Health, Stamp
 from messages.inputs import AnkleState, GaitPhase
+from messages.reasons import Reason, Status
 
 NOT_AVAILABLE = "not_available"
 RESERVED = "reserved"

@@ -10,7 +10,8 @@ import msgspec
 
 from messages.can_frames import CanMessage, Fields, can_id, decode, profile
 from messages.e2e import E2eCheck, E2eReceiver
-from messages.estimates import Reason, Source, Status
+from messages.estimates import Source
+from messages.reasons import Reason, Status
 from messages.refusal import Refusal
 from messages.topics import TOPICS
 

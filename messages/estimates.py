@@ -8,6 +8,8 @@ import msgspec
 
 from messages.arrays import FloatArray
 from messages.inputs import CanBusHealth, DropCause, Load, RecordingState, Vec3, ZenohHealth
+from messages.reasons import Reason, Status, status_without_numbers
+from messages.terrain import Terrain
 
 Quaternion = tuple[float, float, float, float]
 Covariance3 = tuple[float, float, float, float, float, float]
@@ -20,52 +22,6 @@ def upper_triangle(symmetric: FloatArray) -> Covariance3:
     """Return a symmetric (3, 3) array as a message's covariance."""
     s: list[list[float]] = symmetric.tolist()
     return s[0][0], s[0][1], s[0][2], s[1][1], s[1][2], s[2][2]
-
-
-class Status(str, enum.Enum):
-    """Whether a number may be used. Anything but VALID comes with NaN in place of the numbers."""
-
-    INITIALISING = "initialising"
-    VALID = "valid"
-    INVALID = "invalid"
-
-
-class Reason(str, enum.Enum):
-    """Why an estimate is not valid."""
-
-    NONE = "none"
-    STARTING = "starting"  # the first second: at rest for the gyroscope's bias
-    NOT_AT_REST = "not_at_rest"  # still starting, because the wearer moves
-    NO_IMU = "no_imu"  # IMU samples stopped, or came too late for this frame
-    NO_FRAME = "no_frame"  # frames stopped
-    LOW_TEXTURE = "low_texture"  # too few pixels could be matched, or followed; or tiles all alike match anywhere
-    NOT_PLANAR = "not_planar"  # no plane explains the foothold region, or only this one frame's
-    TOO_STEEP = "too_steep"  # a plane, but no ground one can step on
-    FOOTHOLD_OUT_OF_VIEW = "foothold_out_of_view"
-    OUT_OF_RANGE = "out_of_range"  # nearer or farther than the search can match
-    EYES_SWAPPED = "eyes_swapped"  # the pair only matches with left and right exchanged
-    WRONG_SIZE = "wrong_size"  # the frame's size is not the calibration's
-    FROZEN_FRAME = "frozen_frame"  # the camera repeats one picture
-    TIME_INCONSISTENT = "time_inconsistent"  # the frame's stamp contradicts its arrival, or the IMU's clock
-    LATE = "late"  # computed so late that the wearer has moved on
-    IMU_INCONSISTENT = "imu_inconsistent"  # the IMU measures another motion than the camera sees
-    EYES_MISALIGNED = "eyes_misaligned"  # one eye sees everything higher, or larger, than its calibration says
-    CAMERA_SLIPPED = "camera_slipped"  # the camera has turned on its mount: calibrate it to the IMU
-    DISTANCES_WRONG = "distances_wrong"  # what is seen moves more, or less, than the IMU measures: calibrate the eyes
-    VIEW_DEFORMED = "view_deformed"  # something before a lens moves part of its picture: clean the window
-
-    @property
-    def status(self) -> Status:
-        """Return the status of an estimate for this reason."""
-        if self is Reason.NONE:
-            return Status.VALID
-        return Status.INITIALISING if self in (Reason.STARTING, Reason.NOT_AT_REST) else Status.INVALID
-
-
-def _without_numbers(reason: Reason) -> Status:
-    if reason is Reason.NONE:
-        raise ValueError("an estimate without numbers says why: its reason is none")
-    return reason.status
 
 
 class Attitude(msgspec.Struct, frozen=True, kw_only=True):
@@ -92,7 +48,7 @@ class Attitude(msgspec.Struct, frozen=True, kw_only=True):
         """
         return cls(
             t_sample_ns=t_sample_ns,
-            status=_without_numbers(reason),
+            status=status_without_numbers(reason),
             reason=reason,
             q_WB=(_NAN,) * 4,
             w_WB_B_radps=(_NAN,) * 3,
@@ -143,7 +99,7 @@ class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
         return cls(
             t_exposure_ns=t_exposure_ns,
             frame_seq=frame_seq,
-            status=_without_numbers(reason),
+            status=status_without_numbers(reason),
             reason=reason,
             slope_sagittal_rad=_NAN,
             slope_frontal_rad=_NAN,
@@ -190,7 +146,7 @@ class Motion(msgspec.Struct, frozen=True, kw_only=True):
         return cls(
             t_exposure_ns=t_exposure_ns,
             frame_seq=frame_seq,
-            status=_without_numbers(reason),
+            status=status_without_numbers(reason),
             reason=reason,
             velocity_H_mps=(_NAN,) * 3,
             rate_H_radps=(_NAN,) * 3,
@@ -241,12 +197,12 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     height_contradicts: bool = False
 
 
-Estimate = Attitude | GroundPlane | Motion | Health
+Estimate = Attitude | GroundPlane | Motion | Terrain | Health
 
 
 def capture_ns(estimate: Estimate) -> int:
     """Return the CLOCK_MONOTONIC instant for which `estimate` stands."""
-    if isinstance(estimate, GroundPlane | Motion):
+    if isinstance(estimate, GroundPlane | Motion | Terrain):
         return estimate.t_exposure_ns
     return estimate.t_sample_ns if isinstance(estimate, Attitude) else estimate.t_ns
 

@@ -10,8 +10,10 @@ from typing import Generic, TypeVar
 import msgspec
 
 from messages.codec import decode_line
-from messages.estimates import Attitude, Covariance3, Estimate, GroundPlane, Motion, Source, Stamp, Status, capture_ns
+from messages.estimates import Attitude, Covariance3, Estimate, GroundPlane, Motion, Source, Stamp, capture_ns
+from messages.reasons import Status
 from messages.refusal import Refusal
+from messages.terrain import Terrain
 from messages.topics import TOPIC_OF
 
 LONGEST_PAYLOAD_BYTES = 65_536
@@ -141,7 +143,7 @@ def _is_in_range(message: Estimate, stamp: Stamp) -> bool:
 
 
 def _is_complete(message: Estimate) -> bool:
-    """Return whether an estimate that says it is valid has all its numbers, and no negative variance."""
+    """Return whether an estimate that says it is valid has all its numbers, and no negative variance or deviation."""
     if isinstance(message, GroundPlane):
         covariances: tuple[Covariance3, ...] = (message.covariance,)
         numbers: tuple[float, ...] = (
@@ -157,9 +159,13 @@ def _is_complete(message: Estimate) -> bool:
         alone = (message.distance_var_m2, 0.0, 0.0, 0.0, 0.0, 0.0)
         covariances = (message.velocity_cov_H, message.rate_cov_H, alone)
         numbers = (*message.velocity_H_mps, *message.rate_H_radps, message.distance_m)
+    elif isinstance(message, Terrain):
+        covariances = tuple((edge.distance_sd_m, 0.0, 0.0, edge.rise_sd_m, 0.0, 0.0) for edge in message.edges)
+        told = ((edge.distance_m, edge.rise_m, edge.yaw_rad) for edge in message.edges)
+        numbers = (message.probability, *itertools.chain.from_iterable(told))
     else:
         return True
     if message.status is not Status.VALID:
         return True
     is_finite = all(math.isfinite(number) for number in (*numbers, *itertools.chain(*covariances)))
-    return is_finite and min(variance for each in covariances for variance in (each[0], each[3], each[5])) >= 0.0
+    return is_finite and all(variance >= 0.0 for each in covariances for variance in (each[0], each[3], each[5]))

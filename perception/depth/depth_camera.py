@@ -7,7 +7,7 @@ import numpy as np
 
 from messages import DepthCalibration, Image
 from messages.arrays import FloatArray
-from perception.depth.disparity import DisparityPatch
+from perception.depth.disparity import DisparityPatch, View
 from perception.depth.eye_shifts import EyeShifts
 from perception.depth.rectify import Window, intrinsics, undistorted_rays
 from perception.depth.repeats import NO_REPEATS, Repeats
@@ -41,6 +41,26 @@ class DepthCamera:
         window = Window.around(u_px, v_px, lens.width_px, lens.height_px)
         if window is None:
             return None
+        return self._patch(images, window)
+
+    @property
+    def tangents_down(self) -> tuple[float, float]:
+        """Return y / z of the first and the last row (see DisparityCamera)."""
+        middle = self._rays_C[:, self._lens.width_px // 2, 1]
+        return float(middle[0]), float(middle[-1])
+
+    def find_in_view(self, images: Sequence[Image], view: View) -> DisparityPatch | None:
+        """Return the patch that shows `view` (see DisparityCamera)."""
+        lens = self._lens
+        corners_C = np.array([(x, y, 1.0) for x in view.across for y in view.down])
+        projected, _ = cv2.projectPoints(
+            corners_C, np.zeros(3), np.zeros(3), intrinsics(lens), np.array(lens.distortion)
+        )
+        u_px, v_px = projected.reshape(-1, 2).astype(np.float64).T
+        window = Window.cut(u_px, v_px, lens.width_px, lens.height_px)
+        return None if window is None else self._patch(images, window)
+
+    def _patch(self, images: Sequence[Image], window: Window) -> DisparityPatch:
         seen = (window.rows, window.columns)
         steps = images[0][seen]
         unknown = np.full(steps.shape, np.nan)

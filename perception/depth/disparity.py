@@ -7,13 +7,14 @@ is fitted all the same, but its far pixels then count less than they are worth.)
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from messages import Image
 from messages.arrays import FloatArray
+from perception import so3
 from perception.depth.eye_shifts import EyeShifts
 from perception.depth.repeats import Repeats
 
@@ -37,8 +38,31 @@ class DisparityPatch:
     def thinned(self, most_pixels: int) -> tuple["DisparityPatch", int]:
         """Return every `stride`-th row and column, about `most_pixels` of them, and the stride."""
         stride = max(1, round(np.sqrt(self.disparity_px.size / most_pixels)))
-        some = (slice(None, None, stride), slice(None, None, stride))
-        return DisparityPatch(self.rays_C[some], self.disparity_px[some], self.row_time_s[some]), stride
+        return self.every(stride, stride), stride
+
+    def every(self, rows: int, columns: int) -> "DisparityPatch":
+        """Return one of so many rows and columns."""
+        some = (slice(None, None, rows), slice(None, None, columns))
+        return DisparityPatch(self.rays_C[some], self.disparity_px[some], self.row_time_s[some])
+
+    def rays_H(self, R_HC: FloatArray, w_HC_C_radps: FloatArray, rise_rate: float) -> FloatArray:
+        """Return the rays (rows, columns, 3) in H, each as long as depth of C at mid-exposure asks.
+
+        A rolling shutter exposes each row at a time τ of its own, while the camera turns by `w_HC_C_radps` and rises
+        by the share `rise_rate` of its height a second: R_HC(t + τ) r ≈ R_HC (r + τ ω × r), and h(t + τ) = h + τ ḣ.
+        """
+        tau_s = self.row_time_s[..., None]
+        turned = self.rays_C @ R_HC.T + tau_s * (self.rays_C @ (R_HC @ so3.skew(w_HC_C_radps)).T)
+        rays_H: FloatArray = turned / (1.0 + tau_s * rise_rate)
+        return rays_H
+
+
+class View(NamedTuple):
+    """Part of what a camera sees: tangents of C's rays x / z and y / z, and depths z, from and to."""
+
+    across: tuple[float, float]
+    down: tuple[float, float]
+    depth_m: tuple[float, float]
 
 
 class DisparityCamera(Protocol):
@@ -73,6 +97,16 @@ class DisparityCamera(Protocol):
 
         All points lie before the camera; the patch is cut at the image's border. Raises OutOfRangeError where the
         points are too near to be measured.
+        """
+
+    @property
+    def tangents_down(self) -> tuple[float, float]:
+        """Return y / z of the rays through the first and the last row."""
+
+    def find_in_view(self, images: Sequence[Image], view: View) -> DisparityPatch | None:
+        """Return the patch that shows `view`, or None where none of it is in the picture.
+
+        What is nearer than can be measured is not found.
         """
 
     def find_repeats(self, images: Sequence[Image], points_C: FloatArray, theta_C: FloatArray) -> Repeats:

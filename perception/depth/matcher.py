@@ -37,13 +37,16 @@ class SemiGlobalMatcher:
     """Standard deviation of the window's grey levels: less may be the sensor's noise alone, which matches by chance."""
     uniqueness_percent = 5  # 100 would kill the process with SIGFPE in OpenCV 5.0.0
 
-    def __init__(self, rectifier: Rectifier, rows_together: int = 1) -> None:
-        """`rows_together` are averaged before they are matched: where no detail is needed, that costs less."""
+    def __init__(self, rectifier: Rectifier, rows_together: int = 1, speckle_px: int = 50) -> None:
+        """`rows_together` are averaged before they are matched: where no detail is needed, that costs less.
+
+        What matches in a patch smaller than `speckle_px` is left out.
+        """
         self._rectifier = rectifier
         self._rows_together = rows_together
         # A block of three averaged rows sees as much as one of five, and as few pixels vote for less smoothness.
         self._block_px, self._bend = (5, 8) if rows_together == 1 else (3, 16)
-        self._speckle_px = 50 // rows_together
+        self._speckle_px = speckle_px // rows_together
         self._matchers: dict[int, cv2.StereoSGBM] = {}
 
     def match(self, left: GreyImage, right: GreyImage, window: Window, search: DisparityRange) -> FloatImage:

@@ -37,12 +37,18 @@ class Window:
         """Return the window that holds the pixels (u, v), cut at the border; None if the last one lies outside."""
         if not (0 <= u_px[-1] < width_px and 0 <= v_px[-1] < height_px):
             return None
-        return cls(
+        return cls.cut(u_px, v_px, width_px, height_px)
+
+    @classmethod
+    def cut(cls, u_px: FloatArray, v_px: FloatArray, width_px: int, height_px: int) -> "Window | None":
+        """Return the window that holds the pixels (u, v), cut at the border; None if nothing is left."""
+        window = cls(
             top=max(0, int(np.floor(v_px.min()))),
             bottom=min(height_px, int(np.ceil(v_px.max())) + 1),
             left=max(0, int(np.floor(u_px.min()))),
             right=min(width_px, int(np.ceil(u_px.max())) + 1),
         )
+        return window if window.top < window.bottom and window.left < window.right else None
 
 
 class Rectifier:

@@ -7,7 +7,7 @@ import numpy as np
 
 from messages import Image, StereoCalibration
 from messages.arrays import FloatArray, GreyImage
-from perception.depth.disparity import DisparityPatch, OutOfRangeError
+from perception.depth.disparity import DisparityPatch, OutOfRangeError, View
 from perception.depth.eye_shifts import EyeShifts, find_shifts
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window
@@ -23,6 +23,7 @@ class StereoCamera:
     def __init__(self, stereo: StereoCalibration) -> None:
         self.rectifier = Rectifier(stereo, max(1, round(stereo.left.width_px / self.matching_width_px)))
         self._matcher = SemiGlobalMatcher(self.rectifier)
+        self._wide_matcher = SemiGlobalMatcher(self.rectifier, speckle_px=_SPECKLE_PX)
         self.image_sizes_px = (self.rectifier.raw_size_px,) * 2
         self.f_px = self.rectifier.f_px
         self.baseline_m = self.rectifier.baseline_m
@@ -33,11 +34,33 @@ class StereoCamera:
         view = view_of(points_C, self.rectifier)
         if view is None:
             return None
-        window, search = view
+        return self._matched(self._matcher, images, *view)
+
+    @property
+    def tangents_down(self) -> tuple[float, float]:
+        """Return y / z of the first and the last row (see DisparityCamera)."""
+        rectifier = self.rectifier
+        return -rectifier.cy_px / rectifier.f_px, (rectifier.height_px - 1 - rectifier.cy_px) / rectifier.f_px
+
+    def find_in_view(self, images: Sequence[Image], view: View) -> DisparityPatch | None:
+        """Return the patch that shows `view` (see DisparityCamera)."""
+        rectifier = self.rectifier
+        u = rectifier.f_px * np.array(view.across) + rectifier.cx_px
+        v = rectifier.f_px * np.array(view.down) + rectifier.cy_px
+        window = Window.cut(u, v, rectifier.width_px, rectifier.height_px)
+        if window is None:
+            return None
+        nearest_px, farthest_px = rectifier.f_px * rectifier.baseline_m / np.array(view.depth_m)
+        search = DisparityRange.covering(farthest_px, min(nearest_px, farthest_px + _MOST_DISPARITIES - _MARGIN_PX))
+        return self._matched(self._wide_matcher, images, window, search)
+
+    def _matched(
+        self, matcher: SemiGlobalMatcher, images: Sequence[Image], window: Window, search: DisparityRange
+    ) -> DisparityPatch:
         left, right = cast("tuple[GreyImage, GreyImage]", images)
         return DisparityPatch(
             rays_C=self.rectifier.rays_C(window),
-            disparity_px=self._matcher.match(left, right, window, search).astype(np.float64),
+            disparity_px=matcher.match(left, right, window, search).astype(np.float64),
             row_time_s=self.rectifier.row_time_s[window.rows, window.columns],
         )
 
@@ -81,3 +104,5 @@ def view_of(points_C: FloatArray, rectifier: Rectifier) -> tuple[Window, Dispari
 
 
 _MOST_DISPARITIES = 160
+_MARGIN_PX = 3
+_SPECKLE_PX = 200  # where the search is wide, as over a flight of stairs, larger patches match by chance

@@ -38,6 +38,7 @@ class GroundEstimator:
         self._known_height = KnownHeight(wearer)
         self._tracks = False
         self._swap_watch = _SwapWatch()
+        self.camera = self._meter.camera
         self.R_BC: FloatArray = np.array(calibration.X_BE.R) @ self._meter.camera.R_EC
         """Takes vectors of the rectified camera to B, (3, 3)."""
         self._p_BC_m = np.array(calibration.X_BE.p_m)

@@ -7,7 +7,6 @@ import numpy as np
 
 from messages import DepthCalibration, Image, Reason, Residual, StereoCalibration
 from messages.arrays import FloatArray
-from perception import so3
 from perception.depth.depth_camera import DepthCamera
 from perception.depth.disparity import DisparityCamera, DisparityPatch, OutOfRangeError
 from perception.depth.eye_shifts import EyeShifts
@@ -85,10 +84,7 @@ class GroundMeter:
         if patch is None:
             return GroundMeasurement(Reason.FOOTHOLD_OUT_OF_VIEW, 0.0)
         thin, stride = patch.thinned(self.most_pixels)
-        rays_C, disparity_px, row_time_s = thin.rays_C, thin.disparity_px, thin.row_time_s[..., None]
-        # R_HC(t + τ) r ≈ R_HC (r + τ ω × r), and by (1) h(t + τ) = h + τ ḣ divides what a ray sees
-        rays_H = rays_C @ R_HC.T + row_time_s * (rays_C @ (R_HC @ so3.skew(w_HC_C_radps)).T)
-        rays_H /= 1.0 + row_time_s * (height_rate_mps / predicted.height_m)
+        rays_H, disparity_px = thin.rays_H(R_HC, w_HC_C_radps, height_rate_mps / predicted.height_m), thin.disparity_px
 
         fB_px_m = self._fitter.fB_px_m
         predicted_px = np.maximum(rays_H @ predicted.theta(fB_px_m), _LEAST_DISPARITY_PX)

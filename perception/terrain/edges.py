@@ -1,0 +1,153 @@
+"""Where one surface ends and another begins higher or lower: edges, each with its distance, rise and yaw.
+
+A rising edge shows its face: where it stands is read off the face's own points. Behind a falling edge the lip hides
+what lies below the line of sight: from the optical centre, a lip at u_l, h below it, hides a surface h' below up to
+
+    u_s = u_l h' / h                                                                                            (1)
+
+so what is first seen beyond it is what follows the lip only if no tread fits in between. Until then it is known that
+the ground lies below that line: one tread t behind the lip, lower by h t / u_l at least.
+"""
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from messages.arrays import FloatArray
+from perception.terrain.path_points import PathPoints
+from perception.terrain.surfaces import Surface
+
+
+@dataclass(frozen=True)
+class Edge:
+    """An edge `distance_m` along x of H, to the border of the upper surface: the ground rises by `rise_m`.
+
+    `yaw_rad` turns x of H to the edge's normal (> 0: to the left, so that its left end is nearer). Where
+    `bound_only`, the ground falls by `rise_m` or more.
+    """
+
+    distance_m: float
+    distance_sd_m: float
+    rise_m: float
+    rise_sd_m: float
+    yaw_rad: float
+    yaw_sd_rad: float
+    bound_only: bool = False
+
+
+def find_edges(surfaces: list[Surface], points: PathPoints, yaw_rad: float) -> list[Edge]:
+    """Return the edges between `surfaces` that follow one another on the profile along `yaw_rad`."""
+    edges = [_edge(before, after, points, yaw_rad) for before, after in itertools.pairwise(surfaces)]
+    return [edge for edge in edges if edge is not None]
+
+
+def _edge(before: Surface, after: Surface, points: PathPoints, yaw_rad: float) -> Edge | None:
+    meet_m = 0.5 * (before.to_m + after.from_m)
+    rise_m = after.at(meet_m) - before.at(meet_m)
+    if abs(rise_m) < LEAST_RISE_M:
+        return None
+    return _rising(before, after, points, yaw_rad) if rise_m > 0.0 else _falling(before, after, points, yaw_rad)
+
+
+def _rising(before: Surface, after: Surface, points: PathPoints, yaw_rad: float) -> Edge | None:
+    """Return the edge whose face lies between two surfaces."""
+    u_m = points.x_m + points.y_m * np.tan(yaw_rad)
+    foot_m, top_m = before.at(before.to_m), after.at(after.from_m)
+    middle = (points.z_m > foot_m + 0.25 * (top_m - foot_m)) & (points.z_m < foot_m + 0.75 * (top_m - foot_m))
+    face = middle & (u_m > before.to_m - _FACE_REACH_M) & (u_m < after.from_m + _FACE_REACH_M)
+    line = _line_across(points.x_m[face], points.y_m[face])
+    if line is None:
+        return None
+    return _between(before, after, line, line.distance_m)
+
+
+def _falling(before: Surface, after: Surface, points: PathPoints, yaw_rad: float) -> Edge | None:
+    """Return the edge at the end of a surface beyond which the ground is lower."""
+    u_m = points.x_m + points.y_m * np.tan(yaw_rad)
+    upper = (np.abs(u_m - before.to_m) < _LIP_REACH_M) & (
+        np.abs(points.z_m - before.height_m - before.slope * (u_m - before.middle_m)) < _LIP_HEIGHT_M
+    )
+    line = _farthest_across((points.x_m + 0.5 * points.along_m)[upper], points.y_m[upper])
+    if line is None:
+        return None
+    lip_m, height_m = line.distance_m, -before.at(line.distance_m)
+    if after.from_m > lip_m * -after.at(after.from_m) / height_m + _FROM_SHADOW_M:  # (1)
+        return None
+    edge, hidden_m = _between(before, after, line, lip_m), after.from_m - lip_m
+    if hidden_m < LEAST_TREAD_M and after.length_m >= LEAST_SEEN_M:
+        return edge
+    at_least_m = height_m * min(hidden_m - LEAST_SEEN_M, LEAST_TREAD_M) / lip_m  # (1)
+    return replace(edge, rise_m=-at_least_m, rise_sd_m=before.sd_at(lip_m), bound_only=True)
+
+
+def _between(before: Surface, after: Surface, line: "_Across", at_m: float) -> Edge:
+    return Edge(
+        distance_m=line.distance_m,
+        distance_sd_m=line.distance_sd_m,
+        rise_m=after.at(at_m) - before.at(at_m),
+        rise_sd_m=float(np.hypot(before.sd_at(at_m), after.sd_at(at_m))),
+        yaw_rad=line.yaw_rad,
+        yaw_sd_rad=line.yaw_sd_rad,
+    )
+
+
+@dataclass(frozen=True)
+class _Across:
+    """A straight line across the path: x = `distance_m` − tan(`yaw_rad`) y."""
+
+    distance_m: float
+    yaw_rad: float
+    distance_sd_m: float
+    yaw_sd_rad: float
+
+
+def _line_across(x_m: FloatArray, y_m: FloatArray) -> _Across | None:
+    """Return the robust line x(y) through points (n,), or None where too few show it."""
+    if len(x_m) < _LEAST_POINTS:
+        return None
+    design = np.column_stack((np.ones_like(y_m), y_m))
+    weight = np.ones_like(x_m)
+    solution, normal, scale_m = np.array([np.median(x_m), 0.0]), np.eye(2), _LINE_FLOOR_M
+    for _ in range(_ITERATIONS):
+        normal = design.T @ (weight[:, None] * design) + np.diag([_TINY, _YAW_SIGMA**-2 * scale_m**2])
+        solution = np.linalg.solve(normal, design.T @ (weight * x_m))
+        off_m = np.abs(x_m - design @ solution)
+        scale_m = max(_LINE_FLOOR_M, 1.4826 * float(np.median(off_m)))
+        weight = np.clip(1.0 - (off_m / (4.685 * scale_m)) ** 2, 0.0, None) ** 2
+    cov = np.linalg.inv(normal) * scale_m**2 * min(len(x_m), _POINTS_ALIKE)
+    return _Across(
+        distance_m=float(solution[0]),
+        yaw_rad=-float(np.arctan(solution[1])),
+        distance_sd_m=float(np.sqrt(cov[0, 0] + _LINE_FLOOR_M**2)),
+        yaw_sd_rad=float(np.sqrt(cov[1, 1])),
+    )
+
+
+def _farthest_across(x_m: FloatArray, y_m: FloatArray) -> _Across | None:
+    """Return the line through the farthest points of each strip of the path."""
+    if len(x_m) < _LEAST_POINTS:
+        return None
+    strip = np.floor((y_m - y_m.min()) / _STRIP_M).astype(np.intp)
+    order = np.lexsort((x_m, strip))
+    last = np.flatnonzero(np.diff(strip[order], append=strip.max() + 1))
+    few = np.bincount(strip)[strip[order][last]] < _LEAST_OF_STRIP
+    ends = order[last[~few]]
+    return _line_across(x_m[ends], y_m[ends])
+
+
+LEAST_RISE_M = 0.04
+LEAST_TREAD_M = 0.22
+LEAST_SEEN_M = 0.06
+_FACE_REACH_M = 0.06
+_LIP_REACH_M = 0.08
+_LIP_HEIGHT_M = 0.02
+_FROM_SHADOW_M = 0.08
+_STRIP_M = 0.02
+_LEAST_OF_STRIP = 2
+_LEAST_POINTS = 8
+_LINE_FLOOR_M = 0.004
+_YAW_SIGMA = 0.5
+_POINTS_ALIKE = 8
+_ITERATIONS = 4
+_TINY = 1e-9

@@ -1,0 +1,121 @@
+"""A frame and the attitude at its mid-exposure to the published surfaces and edges of the path ahead."""
+
+import math
+
+import numpy as np
+
+from messages import Frame, Reason, Status, Terrain, TerrainEdge, UnitCalibration, Vec3
+from messages.arrays import FloatArray
+from perception import so3
+from perception.depth.disparity import DisparityCamera
+from perception.heading import heading
+from perception.terrain.edges import Edge, find_edges
+from perception.terrain.kinds import FROM_M, kind_of
+from perception.terrain.memory import EdgeMemory
+from perception.terrain.path_points import PathSettings, find_points
+from perception.terrain.profile import profile_of
+from perception.terrain.surfaces import Surface, find_surfaces
+
+
+class TerrainEstimator:
+    """Finds surfaces and edges frame by frame and remembers the edges while the wearer walks over them.
+
+    `R_BC` (3, 3) takes vectors of `camera` to B; `nominal_height_m` is how high it is taken to be before ground is
+    seen.
+    """
+
+    def __init__(
+        self,
+        calibration: UnitCalibration,
+        camera: DisparityCamera,
+        R_BC: FloatArray,
+        nominal_height_m: float,
+        path: PathSettings | None = None,
+    ) -> None:
+        self._calibration_id = calibration.id
+        self._camera = camera
+        self._R_BC = R_BC
+        self._p_BC_m = np.array(calibration.X_BE.p_m)
+        self._path = path or PathSettings()
+        self._memory = EdgeMemory()
+        self._height_m = nominal_height_m
+
+    def estimate(
+        self,
+        frame: Frame,
+        R_WB: FloatArray,
+        w_WB_B_radps: Vec3,
+        v_W_mps: Vec3,
+        *,
+        height_rate_mps: float = 0.0,
+        distance_scale: float = 0.0,
+    ) -> Terrain:
+        """Return the terrain in H of `frame`, given attitude, rate and velocity of the IMU at mid-exposure.
+
+        `height_rate_mps` is how fast the camera moves away from the ground; `distance_scale` by what share the camera's
+        distances are too long.
+        """
+        if tuple(image.shape[::-1] for image in frame.images) != tuple(self._camera.image_sizes_px):
+            return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.WRONG_SIZE)
+        R_WC = R_WB @ self._R_BC
+        R_WH = heading(R_WC)
+        if R_WH is None:
+            return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.FOOTHOLD_OUT_OF_VIEW)
+        w_B = np.array(w_WB_B_radps)
+        points = find_points(
+            self._camera,
+            frame.images,
+            R_WH.T @ R_WC,
+            self._R_BC.T @ w_B,
+            height_rate_mps,
+            self._height_m,
+            self._path,
+        )
+        heading_rad = math.atan2(R_WH[1, 0], R_WH[0, 0])
+        yaw_rad = self._memory.expected_yaw_rad(heading_rad)
+        surfaces = find_surfaces(profile_of(points, yaw_rad, 2.0 * self._path.half_width_m))
+        found = find_edges(surfaces, points, yaw_rad)
+        v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
+        edges = self._memory.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, found, surfaces)
+        self._follow_height(surfaces)
+        kind, probability = kind_of(surfaces, edges)
+        if not surfaces:
+            return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.LOW_TEXTURE)
+        return Terrain(
+            t_exposure_ns=frame.header.t_exposure_ns,
+            frame_seq=frame.header.seq,
+            status=Status.VALID,
+            reason=Reason.NONE,
+            kind=kind,
+            probability=probability,
+            edges=tuple(_told(edge, 1.0 + distance_scale) for edge in edges),
+            calibration_id=self._calibration_id,
+        )
+
+    def no_terrain(self, t_exposure_ns: int, frame_seq: int, reason: Reason) -> Terrain:
+        """Return the estimate that says only why there is none."""
+        return Terrain.invalid(
+            t_exposure_ns=t_exposure_ns, frame_seq=frame_seq, reason=reason, calibration_id=self._calibration_id
+        )
+
+    def _follow_height(self, surfaces: list[Surface]) -> None:
+        """Take the height over the nearest surface for that over the ground that the wearer stands on."""
+        near = [-surface.at(surface.from_m) for surface in surfaces if surface.from_m < FROM_M]
+        if near and _LOWEST_M < near[0] < _HIGHEST_M:
+            self._height_m += _FOLLOWS * (near[0] - self._height_m)
+
+
+def _told(edge: Edge, too_long: float) -> TerrainEdge:
+    """Return an edge with its lengths corrected for distances that are `too_long` times as long as true ones."""
+    return TerrainEdge(
+        distance_m=edge.distance_m / too_long,
+        distance_sd_m=edge.distance_sd_m,
+        rise_m=edge.rise_m / too_long,
+        rise_sd_m=edge.rise_sd_m,
+        bound_only=edge.bound_only,
+        yaw_rad=edge.yaw_rad,
+    )
+
+
+_LOWEST_M, _HIGHEST_M = 0.5, 1.6
+_FOLLOWS = 0.3

@@ -1,0 +1,197 @@
+"""The edges of the last seconds, fixed in W while the wearer walks over them: each the better known the more frames
+saw it.
+
+An edge is the line n · x = c in W, n = (cos φ, sin φ) its normal. Seen from a camera at p with its heading ψ, a
+distance d along x of H and a yaw ε mean
+
+    φ = ψ + ε,      c = n · p + d cos ε.                                                                        (1)
+
+c, φ and the rise have a Kalman filter each. What frames have in common (the matcher's offset, attitude) does not
+average out: it is added when an edge is told.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from messages.arrays import FloatArray
+from perception.terrain.edges import Edge
+from perception.terrain.surfaces import Surface
+
+
+@dataclass(frozen=True)
+class MemorySettings:
+    """An edge is told once `confirmed` frames saw it, forgotten when it lies `behind_m` behind or so many
+    `contradicted` it.
+
+    `nearest_m` is how near two edges may be to be taken for one.
+    """
+
+    confirmed: int = 3
+    contradicted: int = 3
+    behind_m: float = 0.30
+    nearest_m: float = 0.09
+    longest_gap_s: float = 0.5
+    most: int = 24
+
+
+@dataclass
+class _Known:
+    """One edge: c and φ of (1), the rise, and the variance of each."""
+
+    c_m: float
+    c_var_m2: float
+    phi_rad: float
+    phi_var_rad2: float
+    rise_m: float
+    rise_var_m2: float
+    bound_only: bool
+    seen: int = 1
+    contradicted: int = 0
+
+    def in_heading(self, p_W_m: FloatArray, heading_rad: float) -> Edge:
+        """Return the edge as it is seen now, (1)."""
+        yaw_rad = math.remainder(self.phi_rad - heading_rad, math.tau)
+        n = np.array([math.cos(self.phi_rad), math.sin(self.phi_rad)])
+        along = math.cos(yaw_rad)
+        return Edge(
+            distance_m=float(self.c_m - n @ p_W_m) / along,
+            distance_sd_m=math.hypot(math.sqrt(self.c_var_m2) / along, _DISTANCE_COMMON_M),
+            rise_m=self.rise_m,
+            rise_sd_m=math.hypot(math.sqrt(self.rise_var_m2), _RISE_COMMON_M),
+            yaw_rad=yaw_rad,
+            yaw_sd_rad=math.sqrt(self.phi_var_rad2),
+            bound_only=self.bound_only,
+        )
+
+
+class EdgeMemory:
+    """Remembers edges from frame to frame; `update` takes one frame."""
+
+    def __init__(self, settings: MemorySettings | None = None) -> None:
+        self._settings = settings or MemorySettings()
+        self._known: list[_Known] = []
+        self._p_W_m = np.zeros(2)
+        self._t_ns: int | None = None
+        self._v_W_mps = np.zeros(2)
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._known.clear()
+        self._t_ns = None
+
+    def update(
+        self, t_ns: int, v_W_mps: FloatArray, heading_rad: float, edges: Sequence[Edge], surfaces: Sequence[Surface]
+    ) -> list[Edge]:
+        """Return the confirmed edges in H, by distance, after a frame at `t_ns` has shown `edges` and `surfaces`.
+
+        `v_W_mps` (2,) is the camera's horizontal velocity then.
+        """
+        self._move(t_ns, v_W_mps)
+        unmatched = list(edges)
+        for known in self._known:
+            expected = known.in_heading(self._p_W_m, heading_rad)
+            same = [edge for edge in unmatched if self._are_one(expected, edge)]
+            if same:
+                nearest = min(same, key=lambda edge: abs(edge.distance_m - expected.distance_m))
+                unmatched.remove(nearest)
+                self._fuse(known, nearest, heading_rad)
+            elif any(_goes_on(surface, expected) for surface in surfaces):
+                known.contradicted += 1
+        self._known += [self._new(edge, heading_rad) for edge in unmatched]
+        self._forget(heading_rad)
+        told = [
+            known.in_heading(self._p_W_m, heading_rad)
+            for known in self._known
+            if known.seen >= self._settings.confirmed
+        ]
+        return sorted(told, key=lambda edge: edge.distance_m)
+
+    def expected_yaw_rad(self, heading_rad: float) -> float:
+        """Return the yaw of the nearest edge ahead that is confirmed; 0 where none is."""
+        ahead = [
+            edge
+            for known in self._known
+            if known.seen >= self._settings.confirmed
+            and (edge := known.in_heading(self._p_W_m, heading_rad)).distance_m > 0.0
+        ]
+        return min(ahead, key=lambda edge: edge.distance_m).yaw_rad if ahead else 0.0
+
+    def _move(self, t_ns: int, v_W_mps: FloatArray) -> None:
+        dt_s = 0.0 if self._t_ns is None else 1e-9 * (t_ns - self._t_ns)
+        if dt_s > self._settings.longest_gap_s:
+            self.clear()
+        else:
+            self._p_W_m = self._p_W_m + 0.5 * dt_s * (self._v_W_mps + v_W_mps)
+            for known in self._known:
+                known.c_var_m2 += _POSITION_M_PER_SQRT_S**2 * dt_s
+                known.phi_var_rad2 += _YAW_RAD_PER_SQRT_S**2 * dt_s
+        self._t_ns, self._v_W_mps = t_ns, v_W_mps
+
+    def _are_one(self, expected: Edge, edge: Edge) -> bool:
+        near = abs(edge.distance_m - expected.distance_m) < self._settings.nearest_m
+        if not near or edge.rise_m * expected.rise_m < 0.0:
+            return False
+        either_bound = edge.bound_only or expected.bound_only
+        return either_bound or abs(edge.rise_m - expected.rise_m) < _RISE_APART_M + 3.0 * edge.rise_sd_m
+
+    def _fuse(self, known: _Known, edge: Edge, heading_rad: float) -> None:
+        seen = self._new(edge, heading_rad)
+        off_rad = math.remainder(seen.phi_rad - known.phi_rad, math.tau)
+        known.phi_rad, known.phi_var_rad2 = _joined(
+            known.phi_rad, known.phi_var_rad2, known.phi_rad + off_rad, seen.phi_var_rad2
+        )
+        known.c_m, known.c_var_m2 = _joined(known.c_m, known.c_var_m2, seen.c_m, seen.c_var_m2)
+        if known.bound_only == edge.bound_only and not edge.bound_only:
+            known.rise_m, known.rise_var_m2 = _joined(known.rise_m, known.rise_var_m2, seen.rise_m, seen.rise_var_m2)
+        elif known.bound_only:  # a value replaces a bound, a lower bound a higher one
+            better = not edge.bound_only or edge.rise_m < known.rise_m
+            if better:
+                known.rise_m, known.rise_var_m2, known.bound_only = seen.rise_m, seen.rise_var_m2, edge.bound_only
+        known.seen += 1
+        known.contradicted = 0
+
+    def _new(self, edge: Edge, heading_rad: float) -> _Known:
+        phi_rad = heading_rad + edge.yaw_rad
+        n = np.array([math.cos(phi_rad), math.sin(phi_rad)])
+        along = math.cos(edge.yaw_rad)
+        return _Known(
+            c_m=float(n @ self._p_W_m) + edge.distance_m * along,
+            c_var_m2=(edge.distance_sd_m * along) ** 2,
+            phi_rad=phi_rad,
+            phi_var_rad2=edge.yaw_sd_rad**2,
+            rise_m=edge.rise_m,
+            rise_var_m2=edge.rise_sd_m**2,
+            bound_only=edge.bound_only,
+        )
+
+    def _forget(self, heading_rad: float) -> None:
+        limits = self._settings
+
+        def stays(known: _Known) -> bool:
+            edge = known.in_heading(self._p_W_m, heading_rad)
+            return -limits.behind_m < edge.distance_m < _FARTHEST_M and known.contradicted < limits.contradicted
+
+        self._known = [known for known in self._known if stays(known)][-limits.most :]
+
+
+def _joined(value: float, var: float, other: float, other_var: float) -> tuple[float, float]:
+    """Return the mean of two values weighted by their variances, and its variance."""
+    gain = var / (var + other_var)
+    return value + gain * (other - value), (1.0 - gain) * var
+
+
+def _goes_on(surface: Surface, edge: Edge) -> bool:
+    """Return whether a surface lies where an edge is expected, on both sides of it."""
+    return surface.from_m < edge.distance_m - _GOES_ON_M and surface.to_m > edge.distance_m + _GOES_ON_M
+
+
+_POSITION_M_PER_SQRT_S = 0.008
+_YAW_RAD_PER_SQRT_S = 0.01
+_DISTANCE_COMMON_M = 0.006
+_RISE_COMMON_M = 0.002
+_RISE_APART_M = 0.03
+_GOES_ON_M = 0.10
+_FARTHEST_M = 4.0
