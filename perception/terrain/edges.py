@@ -71,6 +71,8 @@ def _falling(before: Surface, after: Surface, points: PathPoints, yaw_rad: float
     line = _farthest_across((points.x_m + 0.5 * points.along_m)[upper], points.y_m[upper])
     if line is None:
         return None
+    between_rows_m = 0.5 * float(np.median(points.along_m[upper]))
+    line = replace(line, distance_sd_m=float(np.hypot(line.distance_sd_m, between_rows_m)))
     lip_m, height_m = line.distance_m, -before.at(line.distance_m)
     if after.from_m > lip_m * -after.at(after.from_m) / height_m + _FROM_SHADOW_M:  # (1)
         return None

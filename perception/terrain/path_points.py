@@ -91,7 +91,7 @@ def _views(
             continue
         deepest_m = lowest_m / max(falls[0], _LEAST_FALL)
         nearest_m = highest_m / falls[1]
-        reach = path.half_width_m / nearest_m
+        reach = path.half_width_m * falls[1] / max(height_m - _USUAL_RISE_M, _LEAST_HEIGHT_M)
         views.append((View((-reach, reach), band, (nearest_m, min(deepest_m, _DEEPEST_M))), strides))
     return views
 
@@ -127,5 +127,6 @@ more is no surface but what the matcher puts between a lip and what it hides."""
 _NOISE_PX = 0.1
 _LEAST_FALL = 0.15
 _LEAST_HEIGHT_M = 0.35
+_USUAL_RISE_M = 0.25  # over ground that is higher still, the path is narrower
 _DEEPEST_M = 4.0
 _NO_POINTS = PathPoints(*(np.empty(0) for _ in range(6)))

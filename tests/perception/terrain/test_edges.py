@@ -1,0 +1,115 @@
+"""Profile, surfaces and edges of paths whose geometry is known."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from perception.terrain.edges import Edge, find_edges
+from perception.terrain.path_points import PathPoints
+from perception.terrain.profile import profile_of
+from perception.terrain.surfaces import Surface, find_surfaces
+from tests.bench.path_scene import Piece, flight, points_seen
+
+WIDTH_M = 0.5
+
+
+def found(points: PathPoints, yaw_rad: float = 0.0) -> tuple[list[Surface], list[Edge]]:
+    surfaces = find_surfaces(profile_of(points, yaw_rad, WIDTH_M))
+    return surfaces, find_edges(surfaces, points, yaw_rad)
+
+
+def nearest(edges: list[Edge], at_m: float) -> Edge:
+    return min(edges, key=lambda edge: abs(edge.distance_m - at_m))
+
+
+def test_level_ground_is_one_surface_without_an_edge() -> None:
+    surfaces, edges = found(points_seen([(-1.0, 0.0, 6.0, 0.0)]))
+    assert len(surfaces) == 1
+    assert edges == []
+    assert surfaces[0].height_m == pytest.approx(-0.95, abs=0.002)
+    assert surfaces[0].slope == pytest.approx(0.0, abs=0.003)
+
+
+def test_the_foot_of_a_ramp_is_a_crease_and_no_edge() -> None:
+    slope = math.tan(math.radians(8.0))
+    surfaces, edges = found(points_seen([(-1.0, 0.0, 0.9, 0.0), (0.9, 0.0, 4.0, 3.1 * slope)]))
+    assert edges == []
+    assert surfaces[-1].slope == pytest.approx(slope, abs=0.02)
+    assert surfaces[0].slope == pytest.approx(0.0, abs=0.02)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    start_m=st.floats(0.5, 1.0),
+    rise_m=st.floats(0.06, 0.20),
+    tread_m=st.floats(0.24, 0.36),
+    height_m=st.floats(0.85, 1.0),
+    seed=st.integers(1, 1000),
+)
+def test_risers_ahead_are_found_with_their_height_and_place(
+    start_m: float, rise_m: float, tread_m: float, height_m: float, seed: int
+) -> None:
+    _, edges = found(points_seen(flight(start_m, rise_m, tread_m, 3), height_m=height_m, seed=seed))
+    for place in range(2):
+        at_m = start_m + place * tread_m
+        if height_m - rise_m * (place + 1) < 0.45:  # nearly as high as the camera: above the picture
+            continue
+        edge = nearest(edges, at_m)
+        assert edge.distance_m == pytest.approx(at_m, abs=0.015)
+        assert edge.rise_m == pytest.approx(rise_m, abs=0.008)
+        assert not edge.bound_only
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    start_m=st.floats(0.5, 0.9),
+    drop_m=st.floats(0.06, 0.20),
+    tread_m=st.floats(0.26, 0.36),
+    height_m=st.floats(0.85, 1.0),
+    seed=st.integers(1, 1000),
+)
+def test_a_drop_is_told_with_its_height_once_enough_of_what_follows_is_seen(
+    start_m: float, drop_m: float, tread_m: float, height_m: float, seed: int
+) -> None:
+    _, edges = found(points_seen(flight(start_m, -drop_m, tread_m, 3), height_m=height_m, seed=seed))
+    hidden_m = start_m * drop_m / height_m
+    edge = nearest(edges, start_m)
+    assert edge.distance_m == pytest.approx(start_m, abs=0.02)
+    assert edge.rise_m < 0.0
+    if tread_m - hidden_m > 0.12:
+        assert not edge.bound_only
+        assert edge.rise_m == pytest.approx(-drop_m, abs=0.010)
+
+
+def test_behind_a_lip_that_hides_a_whole_tread_only_a_bound_is_told() -> None:
+    pieces: list[Piece] = [(-1.0, 0.0, 1.4, 0.0), (1.4, 0.0, 1.4, -0.5), (1.4, -0.5, 6.0, -0.5)]
+    _, edges = found(points_seen(pieces))
+    edge = nearest(edges, 1.4)
+    assert edge.bound_only
+    assert -0.5 < edge.rise_m < -0.05
+
+
+@pytest.mark.parametrize("yaw_deg", [-30.0, -12.0, 12.0, 30.0])
+def test_an_edge_at_an_angle_is_found_with_its_yaw(yaw_deg: float) -> None:
+    yaw_rad = math.radians(yaw_deg)
+    points = points_seen(flight(0.9, 0.15, 3.0, 1), yaw_rad=yaw_rad)
+    _, first = found(points)
+    guess_rad = nearest(first, 0.9).yaw_rad
+    _, edges = found(points, guess_rad)
+    edge = nearest(edges, 0.9)
+    assert math.degrees(edge.yaw_rad) == pytest.approx(yaw_deg, abs=2.0)
+    assert edge.distance_m == pytest.approx(0.9, abs=0.02)
+    assert edge.rise_m == pytest.approx(0.15, abs=0.01)
+
+
+def test_what_the_matcher_puts_along_the_line_of_sight_is_no_surface() -> None:
+    _, edges = found(points_seen(flight(0.6, -0.17, 0.28, 8)))
+    assert all(edge.rise_m == pytest.approx(-0.17, abs=0.02) for edge in edges if edge.distance_m < 1.0)
+
+
+def test_no_point_gives_no_surface() -> None:
+    empty = PathPoints(*(np.empty(0) for _ in range(6)))
+    assert find_surfaces(profile_of(empty, 0.0, WIDTH_M)) == []

@@ -1,0 +1,54 @@
+"""What kind of ground edges and surfaces make."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from messages import TerrainKind
+from perception.terrain.edges import Edge
+from perception.terrain.kinds import kind_of
+from tests.perception.terrain.test_memory import RISER, STRAIGHT_ON
+
+
+def edges(*at: tuple[float, float]) -> list[Edge]:
+    return [replace(RISER, distance_m=distance_m, rise_m=rise_m) for distance_m, rise_m in at]
+
+
+@pytest.mark.parametrize(
+    ("slope_deg", "kind"),
+    [(0.0, TerrainKind.LEVEL), (4.0, TerrainKind.RAMP_UP), (-4.0, TerrainKind.RAMP_DOWN)],
+)
+def test_without_edges_the_slope_decides(slope_deg: float, kind: TerrainKind) -> None:
+    found, probability = kind_of([replace(STRAIGHT_ON, slope=math.tan(math.radians(slope_deg)))], [])
+    assert found is kind
+    assert probability > 0.95
+
+
+def test_near_the_bound_it_is_not_sure() -> None:
+    found, probability = kind_of([replace(STRAIGHT_ON, slope=math.tan(math.radians(1.5)))], [])
+    assert found in (TerrainKind.LEVEL, TerrainKind.RAMP_UP)
+    assert probability == pytest.approx(0.5, abs=0.05)
+
+
+def test_bumps_are_rough() -> None:
+    assert kind_of([replace(STRAIGHT_ON, rough_m=0.02)], [])[0] is TerrainKind.ROUGH
+
+
+@pytest.mark.parametrize(
+    ("at", "kind"),
+    [
+        ([(0.7, 0.12)], TerrainKind.STEP_UP),
+        ([(0.7, -0.12)], TerrainKind.STEP_DOWN),
+        ([(0.5, 0.17), (0.8, 0.17)], TerrainKind.STAIRS_UP),
+        ([(0.5, -0.17), (0.8, -0.17), (1.1, -0.17)], TerrainKind.STAIRS_DOWN),
+        ([(0.4, 0.12), (0.8, -0.12)], TerrainKind.STEP_DOWN),
+        ([(1.6, 0.17), (1.9, 0.17)], TerrainKind.LEVEL),
+    ],
+)
+def test_edges_decide_near_them(at: list[tuple[float, float]], kind: TerrainKind) -> None:
+    assert kind_of([STRAIGHT_ON], edges(*at))[0] is kind
+
+
+def test_where_nothing_is_seen_nothing_is_said() -> None:
+    assert kind_of([], []) == (TerrainKind.UNKNOWN, 1.0)

@@ -1,0 +1,83 @@
+"""Edges remembered while the wearer walks over them."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from perception.terrain.edges import Edge
+from perception.terrain.memory import EdgeMemory
+from perception.terrain.surfaces import Surface
+
+RISER = Edge(
+    distance_m=1.2, distance_sd_m=0.01, rise_m=0.17, rise_sd_m=0.004, yaw_rad=0.0, yaw_sd_rad=math.radians(1.0)
+)
+STRAIGHT_ON = Surface(
+    from_m=0.2, to_m=2.5, middle_m=1.0, height_m=-0.95, slope=0.0, height_sd_m=0.001, slope_sd=0.001, rough_m=0.001
+)
+FRAME_NS = 50_000_000
+
+
+def walked(memory: EdgeMemory, frames: int, edge: Edge | None, *, first: int = 0, speed_mps: float = 1.0) -> list[Edge]:
+    """Walk straight on; `edge` stands where it stood at frame 0."""
+    told: list[Edge] = []
+    for k in range(first, first + frames):
+        gone_m = 0.05 * k * speed_mps
+        seen = [] if edge is None else [replace(edge, distance_m=edge.distance_m - gone_m)]
+        told = memory.update(k * FRAME_NS, np.array([speed_mps, 0.0]), 0.0, seen, [])
+    return told
+
+
+def test_an_edge_is_told_by_its_third_frame() -> None:
+    memory = EdgeMemory()
+    assert walked(memory, 2, RISER) == []
+    (told,) = walked(memory, 1, RISER, first=2)
+    assert told.distance_m == pytest.approx(1.1, abs=1e-9)
+    assert told.distance_sd_m < RISER.distance_sd_m
+
+
+def test_an_edge_that_is_out_of_view_is_carried_on_until_it_lies_behind() -> None:
+    memory = EdgeMemory()
+    walked(memory, 10, RISER)
+    (told,) = walked(memory, 18, None, first=10)
+    assert told.distance_m == pytest.approx(1.2 - 0.05 * 27, abs=1e-9)
+    assert walked(memory, 6, None, first=28) == []
+
+
+def test_an_edge_where_ground_goes_on_is_forgotten() -> None:
+    memory = EdgeMemory()
+    walked(memory, 4, RISER, speed_mps=0.0)
+    for k in range(4, 7):
+        told = memory.update(k * FRAME_NS, np.zeros(2), 0.0, [], [STRAIGHT_ON])
+    assert told == []
+
+
+def test_a_value_replaces_a_bound_and_a_bound_never_a_value() -> None:
+    memory = EdgeMemory()
+    bound = replace(RISER, rise_m=-0.10, bound_only=True)
+    walked(memory, 4, bound, speed_mps=0.0)
+    (told,) = walked(memory, 1, replace(RISER, rise_m=-0.17), first=4, speed_mps=0.0)
+    assert (told.bound_only, told.rise_m) == (False, -0.17)
+    (told,) = walked(memory, 1, bound, first=5, speed_mps=0.0)
+    assert (told.bound_only, told.rise_m) == (False, -0.17)
+
+
+def test_after_a_long_gap_nothing_is_remembered() -> None:
+    memory = EdgeMemory()
+    walked(memory, 5, RISER, speed_mps=0.0)
+    assert memory.update(5 * FRAME_NS + 600_000_000, np.zeros(2), 0.0, [], []) == []
+
+
+@given(heading_rad=st.floats(-3.1, 3.1), yaw_rad=st.floats(-0.6, 0.6), turn_rad=st.floats(-0.5, 0.5))
+def test_turning_on_the_spot_moves_an_edge(heading_rad: float, yaw_rad: float, turn_rad: float) -> None:
+    memory = EdgeMemory()
+    edge = replace(RISER, yaw_rad=yaw_rad)
+    for k in range(3):
+        memory.update(k * FRAME_NS, np.zeros(2), heading_rad, [edge], [])
+    (told,) = memory.update(3 * FRAME_NS, np.zeros(2), heading_rad + turn_rad, [], [])
+    assert told.yaw_rad == pytest.approx(yaw_rad - turn_rad, abs=1e-9)
+    across_m = edge.distance_m * math.cos(yaw_rad)  # of the edge from the camera, square to it
+    assert told.distance_m == pytest.approx(across_m / math.cos(yaw_rad - turn_rad), abs=1e-9)
