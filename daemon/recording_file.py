@@ -282,7 +282,8 @@ def _plain(node: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any]:
         fields = node.get("properties", {})
         return {"type": "object", "properties": {name: _plain(field, definitions) for name, field in fields.items()}}
     if node["type"] == "array":
-        return {"type": "array", "items": _plain(node["prefixItems"][0], definitions)}
+        each = node["prefixItems"][0] if "prefixItems" in node else node["items"]
+        return {"type": "array", "items": _plain(each, definitions)}
     return {"type": "number" if isinstance(node["type"], list) else node["type"]}
 
 

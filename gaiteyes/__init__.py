@@ -72,6 +72,9 @@ if TYPE_CHECKING:
     from messages import Status as Status
     from messages import StereoCalibration as StereoCalibration
     from messages import StereoFrame as StereoFrame
+    from messages import Terrain as Terrain
+    from messages import TerrainEdge as TerrainEdge
+    from messages import TerrainKind as TerrainKind
     from messages import Tick as Tick
     from messages import UnitCalibration as UnitCalibration
     from messages import UserError as UserError
@@ -157,6 +160,9 @@ _HOMES = {
     "Status": "messages",
     "StereoCalibration": "messages",
     "StereoFrame": "messages",
+    "Terrain": "messages",
+    "TerrainEdge": "messages",
+    "TerrainKind": "messages",
     "Tick": "messages",
     "UnitCalibration": "messages",
     "UserError": "messages",
