@@ -23,6 +23,7 @@ from sim_rig.camera.things_layer import Eye, ThingsLayer
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import Gait, Motion
 from sim_rig.walk.relief import Relief
+from sim_rig.walk.shade import Shade
 from sim_rig.walk.things import Placed, Thing, Walker
 from sim_rig.walk.world import Segment, World
 
@@ -125,8 +126,11 @@ class Renderer:
         for camera in self.cameras:
             view = _View(camera, motion)
             self._picture.fill(_BACKGROUND)
+            shades = view.shades_in_sight(self._world)
             for segment in view.pieces_in_sight(self._world):
-                view.draw(segment, self._world.relief, self._picture)
+                view.draw(segment, self._world.relief, self._picture, shades)
+            if shades:
+                cv2.multiply(self._picture, view.light, dst=self._picture, dtype=cv2.CV_8U)
             sharp = cv2.GaussianBlur(self._picture, (3, 3), LENS_BLUR_PX)
             blurred = view.blur(sharp, exposure_s) if self._effects.motion_blur else sharp  # type: ignore[arg-type]
             if instants is not None:
@@ -192,6 +196,8 @@ class _View:
         )
         self._depth_m = np.full((_BLUR_ROWS, _BLUR_COLUMNS), np.inf)
         self._relief_m: FloatArray | None = None
+        self.light: FloatImage = np.ones((HEIGHT_PX, WIDTH_PX), np.float32)
+        """The share of light that the shades leave on what was drawn."""
 
     def pieces_in_sight(self, world: World) -> list[Segment]:
         """Return the ground within reach, far to near: along any ray the nearest piece is drawn last."""
@@ -201,8 +207,15 @@ class _View:
             return ahead
         return [piece for piece in world.between(x_m - _REACH_M, x_m + _NEAREST_M) if piece not in ahead] + ahead
 
-    def draw(self, segment: Segment, relief: Relief | None, picture: GreyImage) -> None:
-        """Draw what of `segment` faces this camera over `picture`, with `relief` on it."""
+    def shades_in_sight(self, world: World) -> list[Shade]:
+        """Return the shades that may lie on ground within reach."""
+        x_m = float(self._motion.p_WB_m[:, 0].min())
+        return world.shades_between(x_m - _REACH_M, x_m + _REACH_M)
+
+    def draw(
+        self, segment: Segment, relief: Relief | None, picture: GreyImage, shades: Sequence[Shade] = ()
+    ) -> None:
+        """Draw what of `segment` faces this camera over `picture`, with `relief` on it, and note its `light`."""
         length_m = segment.length_m
         along_x, along_z = (segment.x1_m - segment.x0_m) / length_m, (segment.z1_m - segment.z0_m) / length_m
         ox, oz = self._o_W[:, 0, None] - segment.x0_m, self._o_W[:, 2, None] - segment.z0_m
@@ -226,6 +239,8 @@ class _View:
         if seen.any():
             self._note_depth(s_m, above_m / W_ahead, length_m)
             _paint_piece(segment, seen, _Hits(S, C, W, s_m, C / W_ahead), picture)
+            if shades:
+                self._note_light(shades, seen, above_m, S, W, length_m)
 
     def blur(self, sharp: GreyImage, exposure_s: float) -> GreyImage:
         """Return the picture smeared along each of 6×5 tiles' own image motion during the exposure."""
@@ -248,6 +263,23 @@ class _View:
         s_m, depth_m = s_m[self._blur_rows, self._blur_columns], depth_m[self._blur_rows, self._blur_columns]
         hit = (s_m >= 0) & (s_m <= length_m)
         self._depth_m[hit] = np.minimum(self._depth_m, depth_m)[hit]
+
+    def _note_light(
+        self, shades: Sequence[Shade], seen: BoolArray, above_m: FloatArray, S: FloatArray, W: FloatArray, length_m: float
+    ) -> None:
+        """Note the light on a piece of ground. A point p = o + λd has n·p W = n·o W + above n·d, linear in the pixel."""
+        (top, left), (bottom, right) = (edge(np.nonzero(seen), axis=1) for edge in (np.min, np.max))
+        nodes = (slice(top, bottom + 3), slice(left, right + 3))
+        w, s = of_pixels(W[nodes]), of_pixels(S[nodes])
+        lit = np.ones_like(w)
+        for shade in shades:
+            normal = np.array(shade.normal_W)
+            along = (self._o_W @ normal)[:, None] * W + above_m * (self._d_W @ normal)
+            within = (along - shade.from_m * W)[nodes], (shade.to_m * W - along)[nodes]
+            if within[0].max() > 0 and within[1].max() > 0:
+                lit[(of_pixels(within[0]) >= 0) & (of_pixels(within[1]) > 0)] *= shade.factor
+        window = self.light[top * CELL : (bottom + 1) * CELL, left * CELL : (right + 1) * CELL]
+        np.copyto(window, lit, where=(w > 0) & (s >= 0) & (s <= length_m * w))
 
     def _image_motion(self) -> FloatArray:
         """Return the velocity (rows, columns, 2) in px/s of the ground seen at each tile's centre: −ω×P − v in E."""
