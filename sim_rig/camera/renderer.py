@@ -270,16 +270,27 @@ class _View:
         """Note the light on a piece of ground. A point p = o + λd has n·p W = n·o W + above n·d, linear in the pixel."""
         (top, left), (bottom, right) = (edge(np.nonzero(seen), axis=1) for edge in (np.min, np.max))
         nodes = (slice(top, bottom + 3), slice(left, right + 3))
+        window = self.light[top * CELL : (bottom + 1) * CELL, left * CELL : (right + 1) * CELL]
+        along = [
+            ((self._o_W @ np.array(n))[:, None] * W + above_m * (self._d_W @ np.array(n)))[nodes]
+            for n in (shade.normal_W for shade in shades)
+        ]
+        W_near = np.maximum(W[nodes], _HORIZON)
+        touching = [
+            (a, shade)
+            for a, shade in zip(along, shades, strict=True)
+            if (a - shade.from_m * W_near).max() > 0 and (shade.to_m * W_near - a).max() > 0
+        ]
+        if not touching and window.min() == 1.0:
+            return
         w, s = of_pixels(W[nodes]), of_pixels(S[nodes])
         lit = np.ones_like(w)
-        for shade in shades:
-            normal = np.array(shade.normal_W)
-            along = (self._o_W @ normal)[:, None] * W + above_m * (self._d_W @ normal)
-            within = (along - shade.from_m * W)[nodes], (shade.to_m * W - along)[nodes]
-            if within[0].max() > 0 and within[1].max() > 0:
-                lit[(of_pixels(within[0]) >= 0) & (of_pixels(within[1]) > 0)] *= shade.factor
-        window = self.light[top * CELL : (bottom + 1) * CELL, left * CELL : (right + 1) * CELL]
-        np.copyto(window, lit, where=(w > 0) & (s >= 0) & (s <= length_m * w))
+        for a, shade in touching:
+            into, left_m = of_pixels(a - shade.from_m * W[nodes]), of_pixels(shade.to_m * W[nodes] - a)
+            within = cv2.compare(cv2.min(into, left_m), 0.0, cv2.CMP_GE)
+            cv2.copyTo(cv2.multiply(lit, shade.factor), within, lit)
+        on_piece = cv2.min(s, cv2.scaleAdd(w, length_m, -s))
+        cv2.copyTo(lit, cv2.compare(on_piece, 0.0, cv2.CMP_GE), window)
 
     def _image_motion(self) -> FloatArray:
         """Return the velocity (rows, columns, 2) in px/s of the ground seen at each tile's centre: −ω×P − v in E."""
