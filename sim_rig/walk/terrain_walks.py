@@ -36,7 +36,7 @@ STANDING_S = 1.6
 """How long a walk stands before it begins: the attitude starts with a second at rest."""
 
 LEAST_S = STANDING_S + 6.0
-_MOST_S = 12.0
+_MOST_S = 11.0
 _BEYOND_M = 1.2  # walked beyond the change, by the hip
 _CLEAR_M = 6.5  # of level ground beyond the change: more than is in view
 _CLOSING_DEG = 10.0
@@ -81,7 +81,7 @@ def terrain_walk(seed: int) -> TerrainWalk:
     pace = Pace(speed_mps, float((0.95 + 0.7 * speed_mps) * chance.uniform(0.94, 1.06)))
     stairs_hz = float(chance.uniform(1.2, 1.8))
     plain, camera_m = str(chance.choice(_GROUNDS)), float(chance.uniform(0.8, 1.0))
-    run_up_m = float(chance.uniform(2.4, 3.6))
+    run_up_m = float(chance.uniform(2.2, 3.2))
     scenario = Scenario(
         name=f"terrain-{seed}",
         description=f"{case}, drawn by seed {seed}",
@@ -201,8 +201,8 @@ class _Lights:
 
 
 def _people(chance: np.random.Generator, case: str) -> tuple[Thing, ...]:
-    """Return the wearer's own legs in every second walk, and somebody else in every fourth."""
-    things: list[Thing] = [OwnLegs()] if chance.random() < 0.5 else []
+    """Return the wearer's own legs in every fourth walk, and as often somebody else."""
+    things: list[Thing] = [OwnLegs()] if chance.random() < 0.25 else []
     ahead = WalkerAhead(float(chance.uniform(1.5, 2.4)), float(chance.uniform(-0.35, 0.35)))
     who = chance.random()
     if case not in ("above-stairs", "below-stairs"):
