@@ -24,6 +24,7 @@ from lab.baselines.terrain_peers import ColumnMedians, PublishedPlane
 from lab.evaluation.terrain_said import KINDS, TerrainEstimator, TerrainSaid
 from lab.evaluation.terrain_score import EdgeCounts, JudgedFrame, WalkScore, mean_recall, score
 from messages import Calibration
+from messages.constants import NORMAL_95
 from sim_rig.walk.terrain_walks import STANDING_S, terrain_walk
 from sim_rig.wearer import SimulatedWearer
 
@@ -117,7 +118,7 @@ def _edges(counts: Iterable[EdgeCounts]) -> str:
         sum(getattr(c, name) for c in all_counts) for name in ("edges", "in_time", "transitions", "known", "unseen")
     )
     return (
-        f"known when the toe is 0.6 m away {known} of {edges}, {known / max(1, edges):.1%} ({unseen} more never in view); "
+        f"known when the toe is 0.6 m away {known} of {edges}, {known / max(1, edges):.1%} ({unseen} more unseen); "
         f"transitions known 0.8 s before contact {before_contact} of {transitions}, "
         f"{before_contact / max(1, transitions):.1%}"
     )
@@ -143,7 +144,8 @@ def _heights(scores: Sequence[WalkScore]) -> str:
     errors, sd = np.array([n.error_m for n in near]), np.array([n.sd_m for n in near])
     return (
         f"heights near edges: said in {len(near)} of {frames} frames, {_errors([1e3 * e for e in errors], 'mm')}; "
-        f"sd ≤ 15 mm in {np.mean(sd <= 0.015):.1%}, 95 % intervals hold {np.mean(np.abs(errors) <= 1.96 * sd):.1%}; {line}"
+        f"sd ≤ 15 mm in {np.mean(sd <= 0.015):.1%}, "
+        f"95 % intervals hold {np.mean(np.abs(errors) <= NORMAL_95 * sd):.1%}; {line}"
     )
 
 

@@ -1,4 +1,4 @@
-"""Two simple estimators of the ground ahead, for comparison: a column of medians, and the plane that the service publishes."""
+"""Two simple estimators of the ground ahead, for comparison: a column of medians, and the service's one plane."""
 
 import math
 from collections.abc import Iterator
@@ -151,7 +151,7 @@ def medians(x_m: FloatArray, z_m: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def jumps(d: FloatArray, z: FloatArray) -> tuple[Edge, ...]:
-    """Return the edges of medians `z` (n,) at distances `d` (n,): the largest jump of each run of places that differ."""
+    """Return the edges of medians `z` (n,) at `d` (n,): the largest jump of each run of places that differ."""
     differences = np.zeros(max(0, len(d) - 1))
     for k in range(len(differences)):
         before, behind = slice(max(0, k - _BINS_BESIDE + 1), k + 1), slice(k + 1, k + 1 + _BINS_BESIDE)

@@ -13,7 +13,7 @@ KINDS = ("level", "ramp_up", "ramp_down", "stairs_up", "stairs_down", "step_up",
 class EdgeSaid(Protocol):
     """An edge across the path, `distance_m` along x of H from below the left optical centre; `rise_m` > 0 up.
 
-    With `bound_only` the ground falls by |`rise_m`| at least. `yaw_rad` turns H's x to the edge's normal, > 0 to the left.
+    With `bound_only` the ground falls by |`rise_m`| at least.
     """
 
     @property
@@ -30,7 +30,7 @@ class EdgeSaid(Protocol):
 
 
 class FootholdSaid(Protocol):
-    """Where the next foot lands: `ahead_m`, `left_m` in H, and the ground there, `height_m` below the left optical centre.
+    """Where the next foot lands, `ahead_m` and `left_m` in H, and the ground there, below the left optical centre.
 
     Each standard deviation is that of the field of like name. NaN is what is not known.
     """

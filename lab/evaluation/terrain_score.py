@@ -172,9 +172,7 @@ def mean_recall(counts: Mapping[str, int]) -> float:
     return sum(shares) / len(shares) if shares else math.nan
 
 
-def _score_edges(
-    found: WalkScore, frames: Sequence[JudgedFrame], matches: Sequence[Mapping[float, EdgeSaid]]
-) -> None:
+def _score_edges(found: WalkScore, frames: Sequence[JudgedFrame], matches: Sequence[Mapping[float, EdgeSaid]]) -> None:
     """Count the edges known before the leading toe is near, and the transitions known before the contact.
 
     An edge no part of whose riser was in view before is `unseen` and not counted. A transition is an edge with none
@@ -215,7 +213,7 @@ def _frames_until(frames: Sequence[JudgedFrame], t_ns: int | None) -> int | None
 def _score_measures(
     found: WalkScore, frames: Sequence[JudgedFrame], matches: Sequence[Mapping[float, EdgeSaid]]
 ) -> None:
-    """Note the errors of rises, of distances about a metre ahead, and of treads; of falling edges where enough is seen."""
+    """Note the errors of rises (falling: where enough is seen), of distances about a metre ahead, and of treads."""
     for frame, said in zip(frames, matches, strict=True):
         for true in frame.truth.edges:
             edge = said.get(true.x_m)

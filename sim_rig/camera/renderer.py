@@ -212,9 +212,7 @@ class _View:
         x_m = float(self._motion.p_WB_m[:, 0].min())
         return world.shades_between(x_m - _REACH_M, x_m + _REACH_M)
 
-    def draw(
-        self, segment: Segment, relief: Relief | None, picture: GreyImage, shades: Sequence[Shade] = ()
-    ) -> None:
+    def draw(self, segment: Segment, relief: Relief | None, picture: GreyImage, shades: Sequence[Shade] = ()) -> None:
         """Draw what of `segment` faces this camera over `picture`, with `relief` on it, and note its `light`."""
         length_m = segment.length_m
         along_x, along_z = (segment.x1_m - segment.x0_m) / length_m, (segment.z1_m - segment.z0_m) / length_m
@@ -265,9 +263,15 @@ class _View:
         self._depth_m[hit] = np.minimum(self._depth_m, depth_m)[hit]
 
     def _note_light(
-        self, shades: Sequence[Shade], seen: BoolArray, above_m: FloatArray, S: FloatArray, W: FloatArray, length_m: float
+        self,
+        shades: Sequence[Shade],
+        seen: BoolArray,
+        above_m: FloatArray,
+        S: FloatArray,
+        W: FloatArray,
+        length_m: float,
     ) -> None:
-        """Note the light on a piece of ground. A point p = o + λd has n·p W = n·o W + above n·d, linear in the pixel."""
+        """Note the light on a piece. A point p = o + λd has n·p W = n·o W + above n·d, linear in the pixel."""
         (top, left), (bottom, right) = (edge(np.nonzero(seen), axis=1) for edge in (np.min, np.max))
         nodes = (slice(top, bottom + 3), slice(left, right + 3))
         window = self.light[top * CELL : (bottom + 1) * CELL, left * CELL : (right + 1) * CELL]
@@ -287,10 +291,10 @@ class _View:
         lit = np.ones_like(w)
         for a, shade in touching:
             into, left_m = of_pixels(a - shade.from_m * W[nodes]), of_pixels(shade.to_m * W[nodes] - a)
-            within = cv2.compare(cv2.min(into, left_m), 0.0, cv2.CMP_GE)
-            cv2.copyTo(cv2.multiply(lit, shade.factor), within, lit)
+            within = (cv2.min(into, left_m) >= 0).view(np.uint8)
+            cv2.copyTo(lit * np.float32(shade.factor), within, lit)
         on_piece = cv2.min(s, cv2.scaleAdd(w, length_m, -s))
-        cv2.copyTo(lit, cv2.compare(on_piece, 0.0, cv2.CMP_GE), window)
+        cv2.copyTo(lit, (on_piece >= 0).view(np.uint8), window)
 
     def _image_motion(self) -> FloatArray:
         """Return the velocity (rows, columns, 2) in px/s of the ground seen at each tile's centre: −ω×P − v in E."""

@@ -84,7 +84,8 @@ class Gait:
     """The motion of one wearer over `world`: the `legs` make one lap, repeated without end from `start_ns` on.
 
     A lap begins and ends standing, at x = 0 and at a whole number of laps of the world. Before `start_ns` the wearer
-    stands. The whole course is turned by `course_rad` (> 0 to the left) from x. `seed` draws the wearer's amplitudes (± 10 %), phases of sway, how the belt sits and when each foot lands.
+    stands. The course is turned by `course_rad` (> 0 to the left) from x. `seed` draws the wearer's amplitudes
+    (± 10 %), phases of sway, how the belt sits and when each foot lands.
     """
 
     def __init__(
@@ -233,9 +234,7 @@ def _on_course(path: PPoly, heading: PPoly, course_rad: float) -> tuple[PPoly, P
     """Return the way (x, y) and the heading turned by `course_rad` to the left."""
     if not course_rad:
         return path, heading
-    turned = path.c @ np.array(
-        [[np.cos(course_rad), np.sin(course_rad)], [-np.sin(course_rad), np.cos(course_rad)]]
-    )
+    turned = path.c @ np.array([[np.cos(course_rad), np.sin(course_rad)], [-np.sin(course_rad), np.cos(course_rad)]])
     constant = np.zeros_like(heading.c)
     constant[-1] = course_rad
     return PPoly(turned, path.x), PPoly(heading.c + constant, heading.x)

@@ -42,9 +42,9 @@ class EdgeTruth:
     """An edge across the path, `distance_m` ahead to the border of its upper surface; `rise_m` > 0 up.
 
     `yaw_rad` turns H's x to the edge's normal, > 0 to the left. `visible` is of a rising edge the share of its riser
-    along the path that is seen, of a falling one the length of the lower surface, in metres along the path up to its
-    next edge, that is seen behind the lip. The leading toe comes within `NEAR_M` of it at `t_toe_ns`, the first foot lands beyond it at
-    `t_contact_ns`; None where that never happens. `x_m` in W is its name.
+    along the path that is seen, of a falling one the metres of path, up to the next edge, that are seen behind the lip.
+    The leading toe comes within `NEAR_M` of it at `t_toe_ns`, the first foot lands beyond it at `t_contact_ns`; None
+    where that never happens. `x_m` in W is its name.
     """
 
     distance_m: float
@@ -58,7 +58,7 @@ class EdgeTruth:
 
 @dataclass(frozen=True)
 class SurfaceTruth:
-    """The ground under one point: how far below the optical centre, its slopes in H, the nearest edge along the path."""
+    """The ground under one point: how far below the optical centre, its slopes in H, how near an edge is."""
 
     below_m: float
     slope_sagittal_rad: float
@@ -179,7 +179,7 @@ class TerrainTruthSource:
         d = np.arange(from_m + 0.5 * _GRAIN_M, to_m, _GRAIN_M)
         x = eye.o_W[0] + d * eye.ahead[0]
         lower_m = min(riser.z0_m, riser.z1_m)
-        z = np.array([self._world.segment_at(each).height_at(each) for each in x.tolist()])
+        z = self._world.heights(x)
         on_lower = np.abs(z - lower_m) < abs(riser.z1_m - riser.z0_m)
         return float(_GRAIN_M * np.count_nonzero(self._seen(eye, d[on_lower], z[on_lower], t_ns)))
 

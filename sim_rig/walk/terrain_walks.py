@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim_rig.walk.footholds import Footholds
-from sim_rig.walk.gait import Gait
+from sim_rig.walk.gait import Gait, Habits
 from sim_rig.walk.legs import Leg, Stand, Walk
 from sim_rig.walk.own_legs import OwnLegs
 from sim_rig.walk.passers_by import PassersBy
 from sim_rig.walk.relief import Relief
-from sim_rig.walk.scenario import Habits, Pace, Scenario
+from sim_rig.walk.scenario import Pace, Scenario
 from sim_rig.walk.shade import Shade
 from sim_rig.walk.things import Thing
 from sim_rig.walk.walker_ahead import WalkerAhead
@@ -95,7 +95,9 @@ def terrain_walk(seed: int) -> TerrainWalk:
     )
     lights = _Lights(chance)
     if case in ("above-stairs", "below-stairs"):
-        run_up_m = math.cos(course_rad) * float(chance.uniform(*((0.55, 0.65) if case == "above-stairs" else (0.5, 1.3))))
+        run_up_m = math.cos(course_rad) * float(
+            chance.uniform(*((0.55, 0.65) if case == "above-stairs" else (0.5, 1.3)))
+        )
         world, _ = _world(change, run_up_m, plain, lights)
         return TerrainWalk(case, seed, LEAST_S, change.dimensions, replace(scenario, world=world))
     for attempt in range(_RUN_UPS):
@@ -214,12 +216,16 @@ def _flight(chance: np.random.Generator, sign: float) -> _Change:
     rise_m, tread_m = float(chance.uniform(0.12, 0.20)), float(chance.uniform(0.24, 0.36))
     nosing_m = float(chance.uniform(0.0, 0.025)) if chance.random() < 0.6 else 0.0
     count, riser, tread = int(chance.integers(3, 7)), str(chance.choice(_RISERS)), str(chance.choice(_GROUNDS))
-    landing_m = int(chance.integers(3, 6)) * tread_m if chance.random() < 0.3 else 0.0  # so that steps keep their length
+    landing_m = (
+        int(chance.integers(3, 6)) * tread_m if chance.random() < 0.3 else 0.0
+    )  # so that steps keep their length
 
     def lay(ground: WorldBuilder) -> None:
         ground.stairs(count, sign * rise_m, tread_m, riser, tread, nosing_m)
         if landing_m:
-            ground.level(landing_m + nosing_m, tread, "landing").stairs(count, sign * rise_m, tread_m, riser, tread, nosing_m)
+            ground.level(landing_m + nosing_m, tread, "landing").stairs(
+                count, sign * rise_m, tread_m, riser, tread, nosing_m
+            )
 
     dimensions = {"rise_m": sign * rise_m, "tread_m": tread_m, "nosing_m": nosing_m, "count": count}
     return _Change(lay, dimensions | {"landing_m": landing_m}, tread_m)

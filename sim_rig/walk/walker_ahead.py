@@ -19,7 +19,7 @@ _HALF_STEP_M, _STRIDE_HZ, _NEARER_M, _WAVE_HZ = 0.26, 0.85, 0.15, 0.11
 
 @dataclass(frozen=True)
 class WalkerAhead:
-    """Two legs, shoes and a trunk `ahead_m` before the wearer, `left_m` beside the way, now a little nearer, now farther.
+    """Two legs, shoes and a trunk `ahead_m` before the wearer, `left_m` beside the way, now nearer, now farther.
 
     The legs swing to and fro while the wearer walks or stands alike.
     """

@@ -1,8 +1,8 @@
 """The ground the simulated wearer walks on: a profile z(x) of straight pieces, the same at every y.
 
-Frame W: x across the edges, y along them to the left, z up. A wearer whose course is not turned walks along x. A profile
-is one lap of `length_m`, which ends at the height it began with; the world repeats it for ever. Where an upper surface
-overhangs (a nosing), its riser leans: the profile there goes back by the overhang.
+Frame W: x across the edges, y along them to the left, z up. A wearer whose course is not turned walks along x. A
+profile is one lap of `length_m`, which ends at the height it began with; the world repeats it for ever. Where an upper
+surface overhangs (a nosing), its riser leans: the profile there goes back by the overhang.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ _MAX_PIECE_M = 4.0
 @dataclass(frozen=True)
 class Segment:
     """A straight piece of ground from (x0, z0) to (x1, z1), walked in that order; `kind` is one of
-    "level", "ramp", "kerb", "stairs". A riser has x0 ≥ x1, more under a nosing. `texture_phase` moves the texture along the profile.
+    "level", "ramp", "kerb", "stairs". A riser has x0 = x1, or under a nosing x0 > x1. `texture_phase` moves the texture
+    along the profile.
     """
 
     x0_m: float
