@@ -12,9 +12,10 @@ from itertools import pairwise
 import msgspec
 
 from lab.evaluation.terrain_said import EdgeSaid, TerrainSaid
-from lab.faults.criteria import SIGMAS, WRONG_HEIGHT_M, WRONG_SLOPE_RAD
 from sim_rig.walk.terrain_truth import FLIGHT_M, EdgeTruth, SurfaceTruth, TerrainTruth
 
+WRONG_SLOPE_RAD, WRONG_HEIGHT_M, SIGMAS = math.radians(3.0), 0.045, 4.0
+"""What is valid and wrong: beyond a bound and beyond so many stated deviations; the fault campaign's bounds."""
 MATCH_M = 0.12
 """An edge that is said stands for a true one, of the same direction, no farther from it than this."""
 HELD_FRAMES = 4
@@ -262,7 +263,7 @@ def _score_heights(found: WalkScore, frames: Sequence[JudgedFrame]) -> None:
     """
     for frame in frames:
         true, under = frame.truth.surface, frame.under
-        near = true is not None and true.from_edge_m <= NEAR_M
+        near = true is not None and bool(true.from_edge_m <= NEAR_M)
         found.near_frames += near
         said = None if frame.said is None else frame.said.foothold
         if said is None or under is None or under.from_edge_m < ON_EDGE_M or not math.isfinite(said.height_m):
@@ -272,7 +273,7 @@ def _score_heights(found: WalkScore, frames: Sequence[JudgedFrame]) -> None:
             found.near.append(Near(error_m, said.height_sd_m))
         found.valid += 1
         found.wrong += any(
-            not abs(error) <= max(bound, SIGMAS * sd)  # so written, a NaN is wrong too
+            not abs(error) <= max(SIGMAS * sd, bound)  # so written, a NaN is wrong too
             for error, bound, sd in (
                 (error_m, WRONG_HEIGHT_M, said.height_sd_m),
                 (said.slope_sagittal_rad - under.slope_sagittal_rad, WRONG_SLOPE_RAD, said.slope_sagittal_sd_rad),

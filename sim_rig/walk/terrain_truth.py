@@ -144,7 +144,7 @@ class TerrainTruthSource:
         if abs(way) < _ALONG_EDGES:
             return []
         found = [
-            ((p.lip_x_m - eye.o_W[0]) / way, math.copysign(1.0, way) * (p.z1_m - p.z0_m), p)
+            (float(p.lip_x_m - eye.o_W[0]) / way, math.copysign(1.0, way) * (p.z1_m - p.z0_m), p)
             for p in self._pieces(eye, from_m, to_m)
             if p.is_riser and abs(p.z1_m - p.z0_m) >= LEAST_RISE_M
         ]
@@ -155,7 +155,7 @@ class TerrainTruthSource:
         forward = eye.ahead * math.copysign(1.0, eye.ahead[0])
         return [
             EdgeTruth(
-                distance_m=float(d),
+                distance_m=d,
                 rise_m=rise,
                 yaw_rad=-math.atan2(forward[1], forward[0]),
                 visible=self._riser_seen(eye, piece, t_ns)
