@@ -207,7 +207,7 @@ def _people(chance: np.random.Generator, case: str) -> tuple[Thing, ...]:
     things: list[Thing] = [OwnLegs()] if chance.random() < 0.25 else []
     ahead = WalkerAhead(float(chance.uniform(1.5, 2.4)), float(chance.uniform(-0.35, 0.35)))
     who = chance.random()
-    if case not in ("above-stairs", "below-stairs"):
+    if case not in _WITHOUT_PEOPLE:
         things += [ahead] if who < 0.12 else [PassersBy(every_s=2.5)] if who < 0.25 else []
     return tuple(things)
 
@@ -280,6 +280,9 @@ def _rough(chance: np.random.Generator) -> _Change:
     plain = _plain(chance)
     return replace(plain, relief=relief, dimensions={"rms_m": rms_m, "smooth_m": smooth_m})
 
+
+_WITHOUT_PEOPLE = ("above-stairs", "below-stairs", "stairs-down", "step-down", "kerb-down")
+"""Who stands, and who goes down: things are drawn over all ground, also over a lip that would hide their feet."""
 
 _DRAWN: dict[str, Callable[[np.random.Generator], _Change]] = {
     "plain": _plain,

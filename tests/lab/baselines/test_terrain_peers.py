@@ -10,12 +10,15 @@ from sim_rig.walk.scenario import Scenario
 from sim_rig.walk.world import WorldBuilder
 from sim_rig.wearer import SimulatedWearer
 
-PLACES = 0.31 + 0.02 * np.arange(110)
+PLACES: FloatArray = np.linspace(0.31, 2.49, 110)
 
 
 def profile(*steps: tuple[float, float]) -> FloatArray:
     """Return the heights (110,) of level ground 0.9 m below that rises by each (at, rise)."""
-    return -0.9 + np.sum([rise * (at < PLACES) for at, rise in steps], axis=0) + np.zeros(110)
+    heights: FloatArray = np.full(110, -0.9)
+    for at, rise in steps:
+        heights[at < PLACES] += rise
+    return heights
 
 
 def test_medians_bear_outliers_and_leave_out_what_is_hardly_seen() -> None:

@@ -180,7 +180,7 @@ def test_every_pixel_shows_the_piece_its_ray_meets_first(
 def test_every_pixel_is_as_light_as_the_shades_leave_the_point_its_ray_meets(monkeypatch: pytest.MonkeyPatch) -> None:
     shades = (
         Shade((0.8, 0.36, 0.48), 0.9, 1.5, 0.5),
-        Shade((1.0, 0.0, 0.0), 1.2, 1.25, 0.6),
+        Shade((1.0, 0.0, 0.0), 1.2, 1.35, 0.6),
         Shade((1.0, 0.0, 0.0), -3.0, -2.7, 0.3),
     )
     stairs = WorldBuilder().level(0.9, "grey").stairs(3, 0.15, 0.3, "grey", "grey", 0.02)
