@@ -89,7 +89,7 @@ def followed(wearer: SimulatedWearer, x: float, z: float) -> bool:
 
 @pytest.mark.parametrize("nosing_m", [0.0, 0.025])
 @pytest.mark.parametrize("course_rad", [0.0, -0.5])
-@pytest.mark.parametrize("at_m", [0.6, 1.1])
+@pytest.mark.parametrize("at_m", [0.6, 1.1, 1.9])
 def test_as_much_of_a_riser_is_visible_as_its_lines_of_sight_reach(
     at_m: float, course_rad: float, nosing_m: float
 ) -> None:
@@ -101,7 +101,7 @@ def test_as_much_of_a_riser_is_visible_as_its_lines_of_sight_reach(
         face = [(riser.x0_m + s * (riser.x1_m - riser.x0_m), riser.z0_m + s * 0.17) for s in shares]
         seen = np.mean([followed(wearer, x - 1e-4, z) for x, z in face])
         assert edge.visible == pytest.approx(seen, abs=0.08)
-    assert found.edges[0].visible > 0.9
+    assert at_m > 1.5 or found.edges[0].visible > 0.9
 
 
 @pytest.mark.parametrize("nosing_m", [0.0, 0.025])
