@@ -24,6 +24,8 @@ from sim_rig.imu.simulated_clock import SimulatedClock
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, draw_unit
 from sim_rig.walk.footholds import Footholds
 from sim_rig.walk.scenario import Scenario
+from sim_rig.walk.terrain_truth import SurfaceTruth, TerrainTruth, TerrainTruthSource
+from sim_rig.walk.things import Walker
 from sim_rig.walk.truth import FootholdTruth, TruthSource, rectified_axis_L
 
 _IMU_ADDRESS = 0x68
@@ -79,6 +81,7 @@ class SimulatedWearer:
         self._effects = effects
         self._start_ns = start_ns
         self._region: UsableRegion | None = None
+        self._terrain: TerrainTruthSource | None = None
         self._camera: RigCamera | None = None
         self._chip: Mpu6050Chip | None = None
         self._wires: I2cWires | None = None
@@ -140,6 +143,14 @@ class SimulatedWearer:
         """
         return self._truth.next_foothold(self.shutter.true_of(t_exposure_ns))
 
+    def terrain(self, t_exposure_ns: int) -> TerrainTruth:
+        """Return the truth about the ground ahead of the frame whose header says `t_exposure_ns`."""
+        return self._terrain_truth().at(self.shutter.true_of(t_exposure_ns), t_exposure_ns)
+
+    def surface(self, t_exposure_ns: int, ahead_m: float, left_m: float) -> SurfaceTruth:
+        """Return the ground under a point of that frame's H."""
+        return self._terrain_truth().surface_at(self.shutter.true_of(t_exposure_ns), ahead_m, left_m)
+
     def frames(self, count: int, first: int = 0) -> Iterator[tuple[StereoFrame, GroundTruth]]:
         """Yield frames `first`, `first` + 1 … with their truth, as fast as they can be rendered in this process."""
         renderer = self._scene.renderer(self._effects)
@@ -191,6 +202,15 @@ class SimulatedWearer:
         """End the camera's process, if it was started."""
         if self._camera is not None:
             self._camera.close()
+
+    def _terrain_truth(self) -> TerrainTruthSource:
+        if self._terrain is None:
+            stereo, walker = self.unit.stereo, Walker(self.gait, self.scenario.world, self._seed)
+            axis_L = rectified_axis_L(stereo)
+            self._terrain = TerrainTruthSource(
+                self.unit.X_BL, axis_L, stereo.left, self.scenario, self.footholds, walker
+            )
+        return self._terrain
 
     def _offline_imu(self) -> tuple[SimulatedClock, Mpu6050]:
         """Return the driver, set up on a new chip, and the clock of both, which stands just before the start."""

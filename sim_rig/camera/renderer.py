@@ -18,17 +18,20 @@ from messages.arrays import BoolArray, FloatArray, FloatImage, GreyImage, IntArr
 from perception.depth.rectify import undistorted_rays
 from sim_rig.camera.blur import LENS_BLUR_PX, line_kernel
 from sim_rig.camera.grid import CELL, COLUMNS, ROWS, node_pixels, of_pixels
+from sim_rig.camera.light_map import LightMap, Shaded
 from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TILE, canvas, texel_m
 from sim_rig.camera.things_layer import Eye, ThingsLayer
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import Gait, Motion
 from sim_rig.walk.relief import Relief
+from sim_rig.walk.shade import Shade
 from sim_rig.walk.things import Placed, Thing, Walker
 from sim_rig.walk.world import Segment, World
 
 _REACH_M = 10.0  # of ground that is drawn; beyond, a camera that looks down sees none
 _NEAREST_M = 0.05  # ahead of the camera, from which on ground is drawn
 _FAR_M = 1e6  # in place of where a ray meets no ground
+_WIDEST_RISER_M = 9.0  # of one canvas: a riser seen along itself reaches to the horizon
 _HORIZON = 1e-3  # of a ray's slope towards the ground, below which it counts as never meeting it
 
 _BLUR_ROWS, _BLUR_COLUMNS = 6, 5
@@ -125,8 +128,11 @@ class Renderer:
         for camera in self.cameras:
             view = _View(camera, motion)
             self._picture.fill(_BACKGROUND)
+            shades = view.shades_in_sight(self._world)
             for segment in view.pieces_in_sight(self._world):
-                view.draw(segment, self._world.relief, self._picture)
+                view.draw(segment, self._world.relief, self._picture, shades)
+            if shades:
+                cv2.multiply(self._picture, view.light.pixels, dst=self._picture, dtype=cv2.CV_8U)
             sharp = cv2.GaussianBlur(self._picture, (3, 3), LENS_BLUR_PX)
             blurred = view.blur(sharp, exposure_s) if self._effects.motion_blur else sharp  # type: ignore[arg-type]
             if instants is not None:
@@ -192,6 +198,7 @@ class _View:
         )
         self._depth_m = np.full((_BLUR_ROWS, _BLUR_COLUMNS), np.inf)
         self._relief_m: FloatArray | None = None
+        self.light = LightMap()
 
     def pieces_in_sight(self, world: World) -> list[Segment]:
         """Return the ground within reach, far to near: along any ray the nearest piece is drawn last."""
@@ -201,8 +208,13 @@ class _View:
             return ahead
         return [piece for piece in world.between(x_m - _REACH_M, x_m + _NEAREST_M) if piece not in ahead] + ahead
 
-    def draw(self, segment: Segment, relief: Relief | None, picture: GreyImage) -> None:
-        """Draw what of `segment` faces this camera over `picture`, with `relief` on it."""
+    def shades_in_sight(self, world: World) -> list[Shade]:
+        """Return the shades that may lie on ground within reach."""
+        x_m = float(self._motion.p_WB_m[:, 0].min())
+        return world.shades_between(x_m - _REACH_M, x_m + _REACH_M)
+
+    def draw(self, segment: Segment, relief: Relief | None, picture: GreyImage, shades: Sequence[Shade] = ()) -> None:
+        """Draw what of `segment` faces this camera over `picture`, with `relief` on it, and note its `light`."""
         length_m = segment.length_m
         along_x, along_z = (segment.x1_m - segment.x0_m) / length_m, (segment.z1_m - segment.z0_m) / length_m
         ox, oz = self._o_W[:, 0, None] - segment.x0_m, self._o_W[:, 2, None] - segment.z0_m
@@ -226,6 +238,8 @@ class _View:
         if seen.any():
             self._note_depth(s_m, above_m / W_ahead, length_m)
             _paint_piece(segment, seen, _Hits(S, C, W, s_m, C / W_ahead), picture)
+            if shades:
+                self._note_light(shades, above_m, S, W, length_m)
 
     def blur(self, sharp: GreyImage, exposure_s: float) -> GreyImage:
         """Return the picture smeared along each of 6×5 tiles' own image motion during the exposure."""
@@ -248,6 +262,17 @@ class _View:
         s_m, depth_m = s_m[self._blur_rows, self._blur_columns], depth_m[self._blur_rows, self._blur_columns]
         hit = (s_m >= 0) & (s_m <= length_m)
         self._depth_m[hit] = np.minimum(self._depth_m, depth_m)[hit]
+
+    def _note_light(
+        self, shades: Sequence[Shade], above_m: FloatArray, S: FloatArray, W: FloatArray, length_m: float
+    ) -> None:
+        """Note the light on a piece. A point p = o + λd has n·p W = n·o W + above n·d, linear in the pixel."""
+        shaded = []
+        for shade in shades:
+            normal = np.array(shade.normal_W)
+            along = (self._o_W @ normal)[:, None] * W + above_m * (self._d_W @ normal)
+            shaded.append(Shaded(along - shade.from_m * W, shade.to_m * W - along, shade.factor))
+        self.light.note((W, S, length_m * W - S), shaded)
 
     def _image_motion(self) -> FloatArray:
         """Return the velocity (rows, columns, 2) in px/s of the ground seen at each tile's centre: −ω×P − v in E."""
@@ -296,21 +321,39 @@ def _paint_piece(segment: Segment, seen: BoolArray, at: _Hits, picture: GreyImag
     changes = np.flatnonzero((np.diff(levels) != 0).any(axis=0)) + 1
     for begin, end in zip((0, *changes), (*changes, bottom - top), strict=True):
         row_level, column_level = (int(level) for level in levels[:, begin])
-        nodes = (slice(top + begin, top + end + 2), slice(left, right + 2))
-        touched = cv2.dilate(seen[nodes[0].start : nodes[0].stop - 2, left:right].astype(np.uint8), np.ones((3, 3)))
-        if not touched.any():  # a piece at the picture's corner need not show in every band of its box
-            continue
-        c_seen = at.c_m[nodes[0].start + 1 : nodes[0].stop - 1, left + 1 : right + 1][touched > 0]
-        origin, column_level = _column_origin(float(c_seen.min()), float(c_seen.max()), column_level, across_m)
-        W_band = at.W[nodes]
-        surface = canvas(segment.texture, rows_texels, segment.texture_phase, row_level, column_level)
-        _paint(
-            surface,
-            at.C[nodes] / (across_m * 2**column_level) - origin * W_band,
-            at.S[nodes] / (along_m * 2**row_level),
-            W_band,
-            picture[(top + begin) * CELL : (top + end) * CELL, left * CELL : right * CELL],
-        )
+        band = slice(top + begin, top + end)
+        touched = cv2.dilate(seen[band, left:right].astype(np.uint8), np.ones((3, 3))) > 0
+        c_m = at.c_m[band.start + 1 : band.stop + 1, left + 1 : right + 1]
+        most_m = _WIDEST_RISER_M if segment.is_riser else np.inf
+        for first, last in _spans(c_m, touched, 0, right - left, most_m):
+            c_seen = c_m[:, first:last][touched[:, first:last]]
+            origin, level = _column_origin(float(c_seen.min()), float(c_seen.max()), column_level, across_m)
+            nodes = (slice(band.start, band.stop + 2), slice(left + first, left + last + 2))
+            W_band = at.W[nodes]
+            surface = canvas(segment.texture, rows_texels, segment.texture_phase, row_level, level)
+            _paint(
+                surface,
+                at.C[nodes] / (across_m * 2**level) - origin * W_band,
+                at.S[nodes] / (along_m * 2**row_level),
+                W_band,
+                picture[band.start * CELL : band.stop * CELL, (left + first) * CELL : (left + last) * CELL],
+            )
+
+
+def _spans(c_m: FloatArray, touched: BoolArray, first: int, last: int, most_m: float) -> Iterator[tuple[int, int]]:
+    """Yield ranges of columns, each with no more than `most_m` of a piece across the way; a single cell as it is.
+
+    A piece's corner need not show in every band of its box.
+    """
+    c_seen = c_m[:, first:last][touched[:, first:last]]
+    if not len(c_seen):
+        return
+    if last - first == 1 or c_seen.max() - c_seen.min() <= most_m:
+        yield first, last
+    else:
+        middle = (first + last) // 2
+        yield from _spans(c_m, touched, first, middle, most_m)
+        yield from _spans(c_m, touched, middle, last, most_m)
 
 
 def _cells_touching(s_m: FloatArray, length_m: float) -> BoolArray:

@@ -50,6 +50,12 @@ class Footholds:
         across = _ACROSS_SIGMA_M * scatter[:, 1, None] * leftward
         self._off_m = _AHEAD_SIGMA_M * scatter[:, 0, None] * forward + across
 
+    @property
+    def meant_x_m(self) -> FloatArray:
+        """Return x of W (n,) of the first lap's landings as they are meant, without the scatter."""
+        x_m: FloatArray = self._meant_m[:, 0]
+        return x_m
+
     def next_after(self, t_ns: int) -> Foothold | None:
         """Return the first landing after `t_ns`, or None for a wearer who never walks."""
         return self._landing(self._landed_by(t_ns))

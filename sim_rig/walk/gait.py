@@ -84,7 +84,8 @@ class Gait:
     """The motion of one wearer over `world`: the `legs` make one lap, repeated without end from `start_ns` on.
 
     A lap begins and ends standing, at x = 0 and at a whole number of laps of the world. Before `start_ns` the wearer
-    stands. `seed` draws the wearer's amplitudes (± 10 %), phases of sway, how the belt sits and when each foot lands.
+    stands. The course is turned by `course_rad` (> 0 to the left) from x. `seed` draws the wearer's amplitudes
+    (± 10 %), phases of sway, how the belt sits and when each foot lands.
     """
 
     def __init__(
@@ -97,6 +98,7 @@ class Gait:
         *,
         habits: Habits = EVEN,
         ride: Ride | None = None,
+        course_rad: float = 0.0,
     ) -> None:
         rng = np.random.default_rng([seed, 2])
         self.start_ns = start_ns
@@ -105,10 +107,11 @@ class Gait:
         planned = plan(legs)
         self.lap_s = planned.lap_s
         self._pace = with_derivatives(planned.pace)
-        self._path = with_derivatives(planned.path)
-        self._heading = with_derivatives(planned.heading)
+        path, heading = _on_course(planned.path, planned.heading, course_rad)
+        self._path = with_derivatives(path)
+        self._heading = with_derivatives(heading)
         self._lean, self._sink, self._back = map(with_derivatives, (planned.lean, planned.sink, planned.back))
-        self.lap_advance_m: FloatArray = planned.path(self.lap_s)
+        self.lap_advance_m: FloatArray = path(self.lap_s)
         self._ground = with_derivatives(_smoothed_ground(world))
         chance = np.random.default_rng([seed, 12])
         self._phase = with_derivatives(_step_phase(planned.pace, habits, chance))
@@ -225,6 +228,16 @@ def _step_phase(pace: PPoly, habits: Habits, chance: np.random.Generator) -> PPo
     late[[0, 1, -2, -1]] = 0.0
     spline = CubicSpline(steps + late, steps.astype(np.float64), bc_type="natural")
     return PPoly(spline.c, spline.x)
+
+
+def _on_course(path: PPoly, heading: PPoly, course_rad: float) -> tuple[PPoly, PPoly]:
+    """Return the way (x, y) and the heading turned by `course_rad` to the left."""
+    if not course_rad:
+        return path, heading
+    turned = path.c @ np.array([[np.cos(course_rad), np.sin(course_rad)], [-np.sin(course_rad), np.cos(course_rad)]])
+    constant = np.zeros_like(heading.c)
+    constant[-1] = course_rad
+    return PPoly(turned, path.x), PPoly(heading.c + constant, heading.x)
 
 
 def _evaluated(quantity: Derivatives, at: FloatArray) -> HipMotion:

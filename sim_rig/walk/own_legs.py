@@ -21,8 +21,10 @@ _ANKLE_BEHIND_M, _ANKLE_ABOVE_M = 0.06, 0.09  # from the foot's middle on the gr
 _TOES_DOWN_RAD, _TOES_UP_RAD = np.deg2rad(35.0), np.deg2rad(15.0)  # in mid-swing and where the heel lands
 
 
+TOE_AHEAD_M = 0.135  # of the sole's middle
+
 _THIGH, _SHIN = Block((0.14, 0.13, 0.41), "trousers"), Block((0.10, 0.10, 0.40), "trousers")
-_FOOT = Block((0.27, 0.10, 0.08), "leather")
+_FOOT = Block((2 * TOE_AHEAD_M, 0.10, 0.08), "leather")
 _NEXT_NS = 1_000  # from one landing to the next one's side, for stamps are rounded
 
 
@@ -44,6 +46,17 @@ class OwnLegs:
                 yield Placed(block, pointing(top - bottom, leftward), 0.5 * (top + bottom))
 
 
+def swing_s(stride_s: float) -> float:
+    """Return for how long a foot swings before it lands, of the time since its last landing."""
+    return min(_SWING_SHARE * stride_s, _LONGEST_SWING_S)
+
+
+def gone_of(swung: FloatArray) -> FloatArray:
+    """Return the share of its way (n,) that a foot has gone at these shares of its swing (n,)."""
+    gone: FloatArray = swung - np.sin(2 * np.pi * swung) / (2 * np.pi)
+    return gone
+
+
 def _sole(walker: Walker, t_ns: IntArray, hip: FloatArray, *, left: bool) -> tuple[FloatArray, FloatArray]:
     """Return where the middle of the sole is in W (n, 3), and by how much (n,) the toes point down."""
     before, after = _landings(walker, int(t_ns[len(t_ns) // 2]), left=left)
@@ -51,9 +64,8 @@ def _sole(walker: Walker, t_ns: IntArray, hip: FloatArray, *, left: bool) -> tup
     if after is None:
         return under_hip, np.zeros(len(hip))
     stride_s = np.inf if before is None else 1e-9 * (after.t_land_ns - before.t_land_ns)
-    swing_s = min(_SWING_SHARE * stride_s, _LONGEST_SWING_S)
-    swung = np.clip(1.0 + 1e-9 * (t_ns - after.t_land_ns) / swing_s, 0.0, 1.0)
-    gone = swung - np.sin(2 * np.pi * swung) / (2 * np.pi)
+    swung = np.clip(1.0 + 1e-9 * (t_ns - after.t_land_ns) / swing_s(stride_s), 0.0, 1.0)
+    gone = gone_of(swung)
     start = under_hip if before is None else before.p_WF_m
     sole = start + gone[:, None] * (after.p_WF_m - start)
     sole[:, 2] += _LIFT_M * np.sin(np.pi * swung) ** 2

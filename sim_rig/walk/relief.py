@@ -11,7 +11,7 @@ from messages.arrays import Float32Array, FloatArray
 
 _CELL_M = 0.01
 _CELLS = 512
-_STEPS = 24  # from the highest to the lowest point, to find where a ray meets the ground first
+_STEPS, _STEP_M = 24, 0.0025  # from the highest to the lowest point, to find where a ray meets the ground first
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,16 @@ class Relief:
     most_m: float = 0.03
     smooth_m: float = 0.08
     seed: int = 1
+
+    @classmethod
+    def of_rms(cls, rms_m: float, smooth_m: float, seed: int) -> "Relief":
+        """Return the relief whose heights have this root mean square."""
+        return cls(rms_m / float(_field(smooth_m, seed)[:-1, :-1].std()), smooth_m, seed)
+
+    @property
+    def rms_m(self) -> float:
+        """Return the root mean square of the heights about their mean."""
+        return self.most_m * float(_field(self.smooth_m, self.seed)[:-1, :-1].std())
 
     def heights(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         """Return z over the level ground at each (x, y) of W, arrays of one shape."""
@@ -43,7 +53,8 @@ class Relief:
         z_before, gap_before = np.full(fall.shape, self.most_m), np.full(fall.shape, self.most_m)
         met = np.zeros(fall.shape)
         found = np.zeros(fall.shape, np.bool_)
-        for k, z in enumerate(np.linspace(self.most_m, -self.most_m, _STEPS)):
+        steps = max(_STEPS, round(2 * self.most_m / _STEP_M))
+        for k, z in enumerate(np.linspace(self.most_m, -self.most_m, steps)):
             reach = (o_m[:, 2, None] - z) / fall
             gap = z - self.heights(o_m[:, 0, None] + reach * d[..., 0], o_m[:, 1, None] + reach * d[..., 1])
             crossed = ~found & (gap <= 0)

@@ -29,7 +29,7 @@ class Scenario:
     """A repeatable walk. `description` is one line; `legs` walk one lap of `world`, which a `ride` may carry.
 
     `drift` is what becomes of the chip meanwhile. `things` stand before the ground; `contrast` is that of everything in
-    the picture, 1 in good light.
+    the picture, 1 in good light. The course is turned from the world's x by `course_rad`, > 0 to the left.
     """
 
     name: str
@@ -42,10 +42,20 @@ class Scenario:
     drift: Drift = NO_DRIFT
     things: tuple[Thing, ...] = ()
     contrast: float = 1.0
+    course_rad: float = 0.0
 
     def gait(self, seed: int, start_ns: int) -> Gait:
         """Return the motion of the person whom `seed` draws."""
-        return Gait(self.world, self.legs, self.hip_height_m, seed, start_ns, habits=self.habits, ride=self.ride)
+        return Gait(
+            self.world,
+            self.legs,
+            self.hip_height_m,
+            seed,
+            start_ns,
+            habits=self.habits,
+            ride=self.ride,
+            course_rad=self.course_rad,
+        )
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """The ground the simulated wearer walks on: a profile z(x) of straight pieces, the same at every y.
 
-Frame W: x the way the wearer walks, y to the left, z up. A profile is one lap of `length_m`, which ends at the height
-it began with; the world repeats it for ever.
+Frame W: x across the edges, y along them to the left, z up. A wearer whose course is not turned walks along x. A
+profile is one lap of `length_m`, which ends at the height it began with; the world repeats it for ever. Where an upper
+surface overhangs (a nosing), its riser leans: the profile there goes back by the overhang.
 """
 
 from __future__ import annotations
@@ -9,11 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
 from messages.arrays import FloatArray
 from sim_rig.walk.relief import Relief
+from sim_rig.walk.shade import Shade
 
 _COPLANAR_RAD = 1e-6
 _MAX_PIECE_M = 4.0
@@ -22,7 +25,8 @@ _MAX_PIECE_M = 4.0
 @dataclass(frozen=True)
 class Segment:
     """A straight piece of ground from (x0, z0) to (x1, z1), walked in that order; `kind` is one of
-    "level", "ramp", "kerb", "stairs". A riser has x0 = x1. `texture_phase` moves the texture along the profile.
+    "level", "ramp", "kerb", "stairs". A riser has x0 = x1, or under a nosing x0 > x1. `texture_phase` moves the texture
+    along the profile.
     """
 
     x0_m: float
@@ -46,7 +50,12 @@ class Segment:
     @property
     def is_riser(self) -> bool:
         """Return whether nobody can stand here."""
-        return self.x1_m == self.x0_m
+        return self.x1_m <= self.x0_m
+
+    @property
+    def lip_x_m(self) -> float:
+        """Return x of the upper end, which of a riser is the edge of the upper surface."""
+        return self.x1_m if self.z1_m > self.z0_m else self.x0_m
 
     def height_at(self, x_m: float) -> float:
         """Return z of this segment's plane at `x_m`, also beyond its ends."""
@@ -59,11 +68,12 @@ class Segment:
 
 @dataclass(frozen=True)
 class World:
-    """One lap of ground, repeated without end in both directions. A `relief` is only for level ground."""
+    """One lap of ground, repeated without end in both directions, with shadows. A `relief` is only for level ground."""
 
     lap: tuple[Segment, ...]
     length_m: float = field(init=False)
     relief: Relief | None = None
+    shades: tuple[Shade, ...] = ()
 
     def __post_init__(self) -> None:
         if not math.isclose(self.lap[0].z0_m, self.lap[-1].z1_m, abs_tol=1e-9):
@@ -77,12 +87,20 @@ class World:
         for lap in range(math.floor(x_from_m / self.length_m) - 1, math.floor(x_to_m / self.length_m) + 2):
             for segment in self.lap:
                 moved = segment.ahead_by(lap * self.length_m)
-                if moved.x1_m >= x_from_m and moved.x0_m <= x_to_m:
+                if max(moved.x0_m, moved.x1_m) >= x_from_m and min(moved.x0_m, moved.x1_m) <= x_to_m:
                     yield moved
 
+    def shades_between(self, x_from_m: float, x_to_m: float) -> list[Shade]:
+        """Return the shades of every lap that touches [x_from_m, x_to_m]."""
+        laps = range(math.floor(x_from_m / self.length_m), math.floor(x_to_m / self.length_m) + 1)
+        return [shade.ahead_by(lap * self.length_m) for lap in laps for shade in self.shades]
+
     def segment_at(self, x_m: float) -> Segment:
-        """Return the piece one can stand on at `x_m`; at an edge the one behind it."""
-        return [s for s in self.between(x_m - _MAX_PIECE_M, x_m) if not s.is_riser and s.x0_m < x_m][-1]
+        """Return the piece one can stand on at `x_m`; at an edge the one behind it, under a nosing the upper one."""
+        pieces = [s for s in self.between(x_m - _MAX_PIECE_M, x_m) if not s.is_riser and s.x0_m < x_m]
+        last, before = pieces[-1], pieces[-2:][0]
+        overhangs = before.x1_m >= x_m and before.height_at(x_m) > last.height_at(x_m)
+        return before if overhangs else last
 
     def has_edge(self, x_from_m: float, x_to_m: float) -> bool:
         """Return whether a riser or a crease lies within [x_from_m, x_to_m]."""
@@ -91,14 +109,17 @@ class World:
 
     def between_risers(self, x_m: float) -> tuple[float, float]:
         """Return from where to where around `x_m` there is no riser, at most `_MAX_PIECE_M` either way."""
-        risers = [s.x0_m for s in self.between(x_m - _MAX_PIECE_M, x_m + _MAX_PIECE_M) if s.is_riser]
+        risers = [s.lip_x_m for s in self.between(x_m - _MAX_PIECE_M, x_m + _MAX_PIECE_M) if s.is_riser]
         behind, ahead = [x for x in risers if x <= x_m], [x for x in risers if x > x_m]
         return max(behind, default=x_m - _MAX_PIECE_M), min(ahead, default=x_m + _MAX_PIECE_M)
 
     def heights(self, x_m: FloatArray) -> FloatArray:
-        """Return z at each `x_m` (n,) of one lap or near it; at a riser the height on one of its sides."""
+        """Return z at each `x_m` (n,) of one lap or near it; at a riser the height on one of its sides, under a nosing
+        that of the upper surface."""
         steps = [s for s in self.between(float(x_m.min()), float(x_m.max())) if not s.is_riser]
-        index = np.searchsorted([s.x1_m for s in steps[:-1]], x_m)
+        rises = [following.z0_m > step.z1_m for step, following in pairwise(steps)]
+        ends = [f.x0_m if up else s.x1_m for up, (s, f) in zip(rises, pairwise(steps), strict=True)]
+        index = np.searchsorted(ends, x_m)
         x0, z0, slope = np.array([(s.x0_m, s.z0_m, math.tan(s.slope_rad)) for s in steps])[index].T
         heights: FloatArray = z0 + slope * (x_m - x0)
         return heights
@@ -120,22 +141,27 @@ class WorldBuilder:
         """Add a ramp of horizontal length `length_m`, uphill where `slope_deg` > 0."""
         return self._plane(length_m, length_m * math.tan(math.radians(slope_deg)), "ramp", texture)
 
-    def step(self, rise_m: float, texture: str, kind: str = "kerb") -> WorldBuilder:
-        """Add a vertical face, upwards where `rise_m` > 0."""
-        return self._piece(0.0, rise_m, kind, texture)
+    def step(self, rise_m: float, texture: str, kind: str = "kerb", nosing_m: float = 0.0) -> WorldBuilder:
+        """Add a face, upwards where `rise_m` > 0, over which the upper surface juts out by `nosing_m`.
 
-    def stairs(self, count: int, rise_m: float, tread_m: float, riser: str, tread: str) -> WorldBuilder:
-        """Add `count` risers with a tread between each two; what comes next is the landing."""
+        Going up the face ends, going down it begins, at the edge of the upper surface.
+        """
+        return self._piece(-nosing_m if nosing_m else 0.0, rise_m, kind, texture)
+
+    def stairs(
+        self, count: int, rise_m: float, tread_m: float, riser: str, tread: str, nosing_m: float = 0.0
+    ) -> WorldBuilder:
+        """Add `count` risers with a tread between each two, `tread_m` from edge to edge; next comes the landing."""
         for _ in range(count - 1):
-            self.step(rise_m, riser, "stairs").level(tread_m, tread, "stairs")
-        return self.step(rise_m, riser, "stairs")
+            self.step(rise_m, riser, "stairs", nosing_m).level(tread_m + nosing_m, tread, "stairs")
+        return self.step(rise_m, riser, "stairs", nosing_m)
 
-    def build(self, relief: Relief | None = None) -> World:
-        """Return the world whose lap is what was laid so far, with `relief` on it.
+    def build(self, relief: Relief | None = None, shades: tuple[Shade, ...] = ()) -> World:
+        """Return the world whose lap is what was laid so far, with `relief` on it and `shades` over it.
 
         Raises ValueError if the lap does not close.
         """
-        return World(tuple(self._segments), relief)
+        return World(tuple(self._segments), relief, shades)
 
     def _plane(self, length_m: float, rise_m: float, kind: str, texture: str) -> WorldBuilder:
         pieces = math.ceil(length_m / _MAX_PIECE_M)

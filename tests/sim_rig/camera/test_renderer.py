@@ -18,6 +18,7 @@ from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, draw_unit
 from sim_rig.walk.gait import Gait
 from sim_rig.walk.legs import Leg, Stand, Turn, Walk
 from sim_rig.walk.scenario import scenario
+from sim_rig.walk.shade import Shade
 from sim_rig.walk.world import World, WorldBuilder
 
 GEOMETRY_ONLY = Effects(motion_blur=False, noise=False)
@@ -129,7 +130,7 @@ def grey_of_each_piece(world: World, monkeypatch: pytest.MonkeyPatch) -> World:
 def first_hit(world: World, origin: FloatArray, ray: FloatArray) -> tuple[str, float]:
     """Return the texture of the piece that the ray meets first, and how far along the profile from its nearer end."""
     best = (np.inf, "", 0.0)
-    for s in world.between(origin[0], origin[0] + 12.0):
+    for s in world.between(origin[0] - 12.0, origin[0] + 12.0):
         along = np.array([s.x1_m - s.x0_m, s.z1_m - s.z0_m])
         A = np.stack((ray[[0, 2]], -along), axis=1)
         if abs(np.linalg.det(A)) < 1e-12:
@@ -142,15 +143,16 @@ def first_hit(world: World, origin: FloatArray, ray: FloatArray) -> tuple[str, f
 
 @pytest.mark.parametrize("rise_m", [0.17, -0.17])
 @pytest.mark.parametrize("x_m", [0.2, 1.6])
+@pytest.mark.parametrize(("nosing_m", "course_rad"), [(0.0, 0.0), (0.025, 0.0), (0.015, 0.6)])
 def test_every_pixel_shows_the_piece_its_ray_meets_first(
-    rise_m: float, x_m: float, monkeypatch: pytest.MonkeyPatch
+    rise_m: float, x_m: float, nosing_m: float, course_rad: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    steps = WorldBuilder().level(2.0, "concrete").stairs(3, rise_m, 0.29, "concrete", "concrete")
+    steps = WorldBuilder().level(2.0, "concrete").stairs(3, rise_m, 0.29, "concrete", "concrete", nosing_m)
     world = steps.level(1.0, "concrete").ramp(1.0, np.degrees(np.arctan(-3 * rise_m)), "concrete").build()
     world = grey_of_each_piece(world, monkeypatch)
     unit = dataclasses.replace(draw_unit(3), gain=(1.0, 1.0))
     shifted = World(tuple(s.ahead_by(-x_m) for s in world.lap))
-    gait = Gait(shifted, STANDING, 0.95, 3, 0)
+    gait = Gait(shifted, STANDING, 0.95, 3, 0, course_rad=course_rad)
     left, _ = render(Renderer(unit, shifted, gait, 3, GEOMETRY_ONLY))
 
     u, v = np.arange(20.0, WIDTH_PX - 20, 111), np.arange(10.0, HEIGHT_PX - 10, 7)
@@ -173,6 +175,51 @@ def test_every_pixel_shows_the_piece_its_ray_meets_first(
             wrong += f"grey {nearest}" != texture
     assert seen > 700
     assert wrong == 0
+
+
+def test_every_pixel_is_as_light_as_the_shades_leave_the_point_its_ray_meets(monkeypatch: pytest.MonkeyPatch) -> None:
+    shades = (
+        Shade((0.8, 0.36, 0.48), 0.9, 1.5, 0.5),
+        Shade((1.0, 0.0, 0.0), 1.2, 1.35, 0.6),
+        Shade((1.0, 0.0, 0.0), -3.0, -2.7, 0.3),
+    )
+    stairs = WorldBuilder().level(0.9, "grey").stairs(3, 0.15, 0.3, "grey", "grey", 0.02)
+    world = stairs.level(1.0, "grey").ramp(2.0, np.degrees(np.arctan(-0.45 / 2.0)), "grey").build(shades=shades)
+    monkeypatch.setitem(textures.TEXTURES, "grey", lambda: np.full((textures.TILE, textures.TILE), 200.0))
+    unit = dataclasses.replace(draw_unit(3), gain=(1.0, 1.0))
+    gait = Gait(world, STANDING, 0.95, 3, 0, course_rad=-0.3)
+    left, _ = render(Renderer(unit, world, gait, 3, GEOMETRY_ONLY))
+    bright, _ = render(Renderer(unit, dataclasses.replace(world, shades=()), gait, 3, GEOMETRY_ONLY))
+    u, v = np.arange(20.0, WIDTH_PX - 20, 61), np.arange(10.0, HEIGHT_PX - 10, 7)
+    rays_L = undistorted_rays(unit.stereo.left, u, v)
+    motion = gait.at(np.rint((v - (HEIGHT_PX - 1) / 2) * unit.stereo.row_time_s * 1e9).astype(np.int64))
+    seen = {1.0: 0, 0.5: 0, 0.6: 0, 0.3: 0, 0.3 * 0.5: 0, 0.5 * 0.6: 0}
+    for i, row in enumerate(v.astype(int)):
+        origin = motion.p_WB_m[i] + motion.R_WB[i] @ np.array(unit.X_BL.p_m)
+        rays_W = rays_L[i] @ (motion.R_WB[i] @ np.array(unit.X_BL.R)).T
+        for ray, column in zip(rays_W, u.astype(int), strict=True):
+            around = (
+                left[row - 3 : row + 4, column - 3 : column + 4] / bright[row - 3 : row + 4, column - 3 : column + 4]
+            )
+            if np.ptp(around) > 0.03:
+                continue  # at a shadow's border
+            point = met(world, origin, ray)
+            light = float(np.prod([shade.light(point) for shade in world.shades_between(-9.0, 9.0)]))
+            assert around[3, 3] == pytest.approx(light, abs=0.02)
+            seen[round(light, 3)] += 1
+    assert min(count for light, count in seen.items() if light in (1.0, 0.5, 0.6)) > 20
+
+
+def met(world: World, origin: FloatArray, ray: FloatArray) -> FloatArray:
+    """Return the point at which a ray meets the ground first."""
+    best = np.inf
+    for s in world.between(origin[0] - 12.0, origin[0] + 12.0):
+        A = np.stack((ray[[0, 2]], -np.array([s.x1_m - s.x0_m, s.z1_m - s.z0_m])), axis=1)
+        if abs(np.linalg.det(A)) > 1e-12:
+            distance, share = np.linalg.solve(A, np.array([s.x0_m, s.z0_m]) - origin[[0, 2]])
+            if 0 < distance < best and 0 <= share <= 1:
+                best = distance
+    return origin + best * ray
 
 
 def test_each_row_is_exposed_at_its_own_time() -> None:

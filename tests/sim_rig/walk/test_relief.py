@@ -92,3 +92,10 @@ def test_the_truth_is_the_plane_through_the_region() -> None:
 def test_a_relief_lies_on_level_ground_only() -> None:
     with pytest.raises(ValueError, match="level ground"):
         WorldBuilder().ramp(4.0, 3.0, "grass").ramp(4.0, -3.0, "grass").build(RELIEF)
+
+
+def test_a_relief_of_a_stated_size_has_it() -> None:
+    rough = Relief.of_rms(0.05, 0.2, 3)
+    x, y = np.meshgrid(np.arange(0.0, 5.12, 0.02), np.arange(0.0, 5.12, 0.02))
+    assert rough.heights(x, y).std() == pytest.approx(0.05, rel=0.02)
+    assert rough.rms_m == pytest.approx(0.05)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from messages import UserError
 from sim_rig.walk.scenario import SCENARIOS, Pace, scenario, scenario_names
+from sim_rig.walk.shade import Shade
 from sim_rig.walk.world import WorldBuilder
 
 MIXED = scenario("mixed").world
@@ -79,3 +80,29 @@ def test_a_pace_out_of_range_is_one_clear_line(speed_mps: float, step_hz: float,
 
 def test_mixed_holds_every_kind_of_ground() -> None:
     assert {s.kind for s in MIXED.lap} == {"level", "ramp", "kerb", "stairs"}
+
+
+@pytest.mark.parametrize("rise_m", [0.17, -0.17])
+def test_a_nosing_juts_out_over_the_lower_surface_and_carries_the_foot(rise_m: float) -> None:
+    flight = WorldBuilder().level(2.0, "concrete").stairs(3, rise_m, 0.29, "kerbstone", "wood", 0.025)
+    world = flight.level(1.0, "wood").ramp(2.0, math.degrees(math.atan(-3 * rise_m / 2.0)), "brick").build()
+    lips = [piece.lip_x_m for piece in world.lap if piece.is_riser]
+    assert np.diff(lips) == pytest.approx([0.29, 0.29])
+    first = 2.0 if rise_m < 0 else 2.0 - 0.025
+    assert lips[0] == pytest.approx(first)
+    for k, lip in enumerate(lips):
+        upper, lower = max(k * rise_m, (k + 1) * rise_m), min(k * rise_m, (k + 1) * rise_m)
+        towards_lower = -math.copysign(0.01, rise_m)
+        for x_m, z_m in ((lip - towards_lower, upper), (lip + towards_lower, lower)):
+            assert world.segment_at(x_m).height_at(x_m) == pytest.approx(z_m)
+            assert world.heights(np.array([x_m - 1.0, x_m]))[1] == pytest.approx(z_m)
+    assert world.between_risers(lips[1] - 0.1) == pytest.approx((lips[0], lips[1]))
+
+
+def test_shades_repeat_with_the_world() -> None:
+    shade = Shade((0.6, 0.0, 0.8), 1.0, 1.5, 0.5)
+    world = WorldBuilder().level(4.0, "concrete").build(shades=(shade,))
+    points = np.array([[x, 0.3, 0.0] for x in np.arange(-7.9, 8.0, 0.05)])
+    light = np.prod([each.light(points) for each in world.shades_between(-8.0, 8.0)], axis=0)
+    expected = [0.5 if 1.0 <= 0.6 * (x % 4.0) < 1.5 else 1.0 for x in points[:, 0]]
+    np.testing.assert_allclose(light, expected)
