@@ -1,6 +1,6 @@
 """The ground ahead against the truth: edges, kinds, footholds and heights, on walks that a seed draws.
 
-    python -m benchmarks.terrain [--estimators columns plane] [--seeds 1000-1019] [--file F]
+    python -m benchmarks.terrain [--estimators service columns plane] [--seeds 1000-1019] [--file F]
 
 Each seed is one walk of `sim_rig.walk.terrain_walks` on a unit with the calibration that it would have: stairs, kerbs,
 steps, ramps, dropped kerbs, rough and plain ground, met square or at an angle, in light and shadow, alone or among
@@ -20,17 +20,36 @@ import cv2
 import msgspec
 import numpy as np
 
+from daemon.pipeline import Pipeline
 from lab.baselines.terrain_peers import ColumnMedians, PublishedPlane
 from lab.evaluation.terrain_said import KINDS, TerrainEstimator, TerrainSaid
+from lab.evaluation.terrain_said import Terrain as Said
 from lab.evaluation.terrain_score import EdgeCounts, JudgedFrame, WalkScore, mean_recall, score
-from messages import Calibration
+from messages import Calibration, Input, Status, Terrain
 from messages.constants import NORMAL_95
+from perception.ground.foothold import FootholdSettings
 from sim_rig.walk.terrain_walks import STANDING_S, terrain_walk
 from sim_rig.wearer import SimulatedWearer
 
 START_NS = 10_000_000_000
 SETTLED_NS = round(1e9 * STANDING_S)
+
+
+class Published:
+    """What the service publishes on the topic `terrain`."""
+
+    def __init__(self, calibration: Calibration) -> None:
+        self._pipeline = Pipeline(calibration, FootholdSettings())
+
+    def step(self, message: Input) -> Iterable[TerrainSaid]:
+        """Take one input and yield the valid terrain that it completes."""
+        for estimate in self._pipeline.step(message):
+            if isinstance(estimate, Terrain) and estimate.status is Status.VALID:
+                yield Said(estimate.t_exposure_ns, estimate.kind.value, estimate.edges)
+
+
 ESTIMATORS: dict[str, Callable[[Calibration], TerrainEstimator]] = {
+    "service": Published,
     "columns": ColumnMedians,
     "plane": PublishedPlane,
 }

@@ -132,5 +132,5 @@ class Terrain:
 
     t_exposure_ns: int
     kind: str
-    edges: tuple[Edge, ...] = ()
+    edges: Sequence[EdgeSaid] = ()
     foothold: Foothold | None = None
