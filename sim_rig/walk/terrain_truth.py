@@ -177,6 +177,8 @@ class TerrainTruthSource:
     def _beyond_seen(self, eye: _Eye, from_m: float, to_m: float, riser: Segment, t_ns: int) -> float:
         """Return the metres of path in view on the surface below a lip, which reaches from lip to next edge."""
         d = np.arange(from_m + 0.5 * _GRAIN_M, to_m, _GRAIN_M)
+        if not len(d):  # a lip at the end of the path
+            return 0.0
         x = eye.o_W[0] + d * eye.ahead[0]
         lower_m = min(riser.z0_m, riser.z1_m)
         z = self._world.heights(x)

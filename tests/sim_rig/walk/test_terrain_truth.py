@@ -13,7 +13,7 @@ from sim_rig.walk.legs import Stand, Walk
 from sim_rig.walk.own_legs import TOE_AHEAD_M, OwnLegs
 from sim_rig.walk.relief import Relief
 from sim_rig.walk.scenario import Scenario, scenario
-from sim_rig.walk.terrain_truth import TerrainTruth
+from sim_rig.walk.terrain_truth import FARTHEST_M, TerrainTruth
 from sim_rig.walk.things import Walker
 from sim_rig.walk.walker_ahead import WalkerAhead
 from sim_rig.walk.world import World, WorldBuilder
@@ -168,6 +168,14 @@ def test_a_walker_ahead_hides_what_is_behind() -> None:
     hidden = truth(SimulatedWearer(3, walk, START_NS))
     assert hidden.edges[0].distance_m == truth(alone).edges[0].distance_m
     assert hidden.edges[0].visible < truth(alone).edges[0].visible
+
+
+def test_nothing_is_in_view_behind_a_lip_at_the_end_of_the_path() -> None:
+    here = truth(standing(stairs(2.0, -0.17)))
+    found = truth(standing(stairs(here.x_W_m + (FARTHEST_M - 0.001) * here.way_m, -0.17)))
+    (edge,) = found.edges
+    assert edge.distance_m == pytest.approx(FARTHEST_M - 0.001, abs=1e-4)
+    assert edge.visible == 0.0
 
 
 def test_toes_and_contacts_are_those_of_the_feet_that_are_drawn() -> None:
