@@ -66,11 +66,16 @@ class AttitudeFilter:
         """
         self._state = self._kalman.carried_by_gyro(self._state, since)
 
-    def doubt_gyro(self) -> None:
-        """Let the next steps of the camera tell what has become of gyroscope and tilt since it was lost."""
-        if self._state.started:
-            self._kalman.correct(self._state)
-            self._kalman.doubt_gyro(self._state)
+    def doubt_gyro(self) -> bool:
+        """Let the next steps of the camera tell what has become of gyroscope and tilt since it was lost, or of a usual
+        mounting that samples have not confirmed; return whether there is any tilt yet."""
+        state = self._state
+        if not state.started or state.clipped_s > self.settings.longest_clipping_s:
+            return False
+        state.levelling = None
+        self._kalman.correct(state)
+        self._kalman.doubt_gyro(state)
+        return True
 
     def begin_camera_step(self) -> None:
         """Let a step of the camera begin at the last sample."""

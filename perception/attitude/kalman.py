@@ -369,7 +369,7 @@ class AttitudeKalman:
 
     def _measure(self, state: AttitudeState, dt_s: float) -> None:
         state.without_camera_s += dt_s
-        state.unwatched_s += 0.0 if state.resting else dt_s
+        state.unwatched_s += 0.0 if state.resting or state.levelling is not None else dt_s
         if self.follows_camera(state):
             return
         swing_W = vec3.minus(state.v_W, state.drift_W)

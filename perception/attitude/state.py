@@ -255,7 +255,7 @@ class AttitudeState:
     travel_W: Vec3 = vec3.ZERO  # since the camera's step began
     q_WB_beginning: Quaternion | None = None  # the attitude then; None where no step has begun
     without_camera_s: float = math.inf  # time since the last step of the camera that was used,
-    unwatched_s: float = 0.0  # and in motion: at rest the samples tell the gyroscope's bias
+    unwatched_s: float = 0.0  # and in motion, the tilt known: at rest the samples tell the gyroscope's bias
     scale: float = 0.0  # the camera's distances are (1 + scale) times the true ones
     lag_s: float = 0.0  # so much later than their stamps are the camera's pictures
     v_W_beginning: Vec3 = vec3.ZERO  # velocity and rate when the camera's step began

@@ -138,13 +138,14 @@ class AttitudeTrack:
             return
         pending = self._confirmation.is_pending(step.t_after_ns)
         if self._filter.has_begun and (self._agreement.contradicted or not pending):
-            self._take(step, self._newest_ns, sound=sound)
+            self._take(step, self._newest_ns, sound=sound, pending=pending)
         if sound and (self._agreement.turn_is_off or pending):
             self._try(step, self._newest_ns)
         else:
             self._trial = None
 
-    def _take(self, step: CameraStep, newest_ns: int, *, sound: bool) -> None:
+    def _take(self, step: CameraStep, newest_ns: int, *, sound: bool, pending: bool) -> None:
+        """Let the filter take a step; while all is still to be confirmed, it only says whether it contradicts."""
         now, at_end = self._filter.save(), self._step_end
         if at_end is None or at_end.t_ns is None or at_end.t_ns <= self._recent[0].t_ns:
             self._step_end = now
@@ -160,7 +161,7 @@ class AttitudeTrack:
             self._path.add_unseen(step.t_before_ns, self._filter.unseen_travel(step.p_BC_m))
             self._filter.begin_camera_step()
         self._advance(step.t_after_ns)
-        innovation = self._end_camera_step(step)
+        innovation = self._end_camera_step(step, believed=not (pending or self._agreement.turn_contradicts))
         if sound and self._filter.without_camera_s == 0.0:
             self._confirmation.accept(step.t_after_ns)
         self._step_end = self._filter.save()
@@ -193,8 +194,7 @@ class AttitudeTrack:
                 return
         self._filter.restore(now)
         self._trial = None
-        if self._filter.has_begun:
-            self._filter.doubt_gyro()
+        if self._filter.doubt_gyro():
             self._trial = self._filter.save()
             self._filter.restore(now)
             self._confirmation.begin()
@@ -212,10 +212,10 @@ class AttitudeTrack:
             return False
         return self._confirmation.add(innovation)
 
-    def _end_camera_step(self, step: CameraStep) -> Innovation | None:
+    def _end_camera_step(self, step: CameraStep, *, believed: bool) -> Innovation | None:
         """Let the filter take the step that ends at its last sample, and lengthen the path by what is known of it."""
         unseen = self._filter.unseen_travel(step.p_BC_m)
-        innovation = self._filter.end_camera_step(step, believed=not self._agreement.turn_contradicts)
+        innovation = self._filter.end_camera_step(step, believed=believed)
         if self._filter.without_camera_s == 0.0:
             errors, noise_factor = self._filter.sensor_errors, self._filter.settings.camera.noise_factor
             self._path.add_step(step, self._filter.R_WB, noise_factor, errors.scale, math.sqrt(errors.scale_var))
