@@ -14,28 +14,31 @@ Seeds below 1000 are for tuning, from 1000 on for judging.
 """
 
 import argparse
-import json
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
-import msgspec
 import numpy as np
 
-from daemon.pipeline import Pipeline
 from lab.faults import deformed_view as view
-from lab.faults.criteria import errors_of, flags
 from lab.faults.faulty_camera import ImageChange
-from messages import Frame, GroundPlane, GroundTruth, ImuSample, Status, StereoCalibration, StereoFrame, Tick
-from perception.ground.foothold import FootholdSettings
-from sim_rig.walk.scenario import scenario
-from sim_rig.wearer import SimulatedWearer
+from lab.faults.offline import (
+    FOR_EVER_NS,
+    SETTLED_NS,
+    START_NS,
+    WALKS,
+    Judged,
+    OfflineWalk,
+    Strike,
+    keep_trial,
+    known_trials,
+    pictures,
+    struck,
+)
+from messages import GroundPlane, StereoCalibration
 
-START_NS = 10_000_000_000
-SETTLED_NS = 2_000_000_000
 APART_NS = 1_000_000_000
-WALKS = ("level", "ramps", "mixed")
 WARPS = (
     *(f"{kind}-{px:g}{when}" for kind in ("drop", "bent") for px in (0.3, 0.5, 1, 2, 5) for when in ("", "-first")),
     *(f"thin-{px:g}" for px in (1, 2, 5)),
@@ -47,11 +50,11 @@ STRETCHED = ("stretched-1", "stretched-2")
 CASES = ("none", *WARPS, *OTHERS, *ALIGNED, *STRETCHED)
 
 
-class Trial(msgspec.Struct, kw_only=True):
+class Trial(Judged, kw_only=True):
     """One walk with one fault, counted from its beginning on.
 
-    `vertical_px` and `along_rows_px` are the warp's. `noticed_s` is when the first flag came, NaN if none did; `seen`
-    counts the reasons of frames that are not valid, `alarms` the runs of VIEW_DEFORMED before the fault or without one.
+    `vertical_px` and `along_rows_px` are the warp's; `alarms` counts the runs of VIEW_DEFORMED before the fault or
+    without one.
     """
 
     case: str
@@ -60,73 +63,31 @@ class Trial(msgspec.Struct, kw_only=True):
     walk: str
     vertical_px: float = 0.0
     along_rows_px: float = 0.0
-    frames: int = 0
-    valid: int = 0
-    wrong: int = 0
-    noticed_s: float | None = None
-    worst_deg: float = 0.0
-    stated_deg: float = 0.0
-    seen: dict[str, int] = msgspec.field(default_factory=dict)
     alarms: int = 0
-
-    def add(self, ground: GroundPlane, truth: GroundTruth, since_s: float) -> None:
-        """Judge one frame's ground, `since_s` after the fault began."""
-        self.frames += 1
-        if ground.status is Status.VALID:
-            errors = errors_of(ground, truth)
-            self.valid += 1
-            self.wrong += errors.wrong
-            if not truth.transition and np.degrees(errors.slope_rad) > self.worst_deg:
-                self.worst_deg = float(np.degrees(errors.slope_rad))
-                self.stated_deg = float(np.degrees(np.sqrt(max(ground.covariance[0], ground.covariance[3]))))
-        else:
-            self.seen[ground.reason.value] = self.seen.get(ground.reason.value, 0) + 1
-        if flags(ground, truth) and self.noticed_s is None:
-            self.noticed_s = since_s
 
 
 def drawn_change(trial: Trial, chance: np.random.Generator, stereo: StereoCalibration) -> ImageChange | None:
     """Return what happens to the pictures, and put its size down in `trial`."""
+    if trial.case == "none":
+        return None
     kind, _, size = trial.case.removesuffix("-first").partition("-")
-    left = bool(chance.integers(2))
-    if kind in ("drop", "bent", "thin", "rows"):
-        make = view.drop if kind == "drop" or (kind != "bent" and chance.integers(2)) else view.bent
-        warp = make(chance).of_size(float(size))
-        warp = warp.with_vertical({"thin": 0.3, "rows": 0.0}[kind]) if kind in ("thin", "rows") else warp
+    change, warp = view.drawn(kind, size, chance, stereo)
+    if warp is not None:
         trial.vertical_px, trial.along_rows_px = warp.vertical_px, warp.along_rows_px
-        return view.warped(warp, left=left)
-    if kind == "stretched":
-        warp = view.stretched(float(size))
-        trial.along_rows_px = warp.along_rows_px
-        return view.warped(warp, left=left)
-    if kind == "blur":
-        return view.blurred(int(size), left=left)
-    if kind == "half":
-        return view.covered(str(chance.choice(["left", "right", "upper", "lower"])), left=left)
-    if kind == "dirt":
-        return view.dirty(chance, left=left)
-    if kind == "aligned":
-        return view.turned_over(stereo, across=size != "upside-down", down=size != "mirrored")
-    return {"mirrored": view.mirrored, "upside": view.upside_down, "turned": view.turned_round}.get(kind)
+    return change
 
 
-def changed(frame: StereoFrame, change: ImageChange) -> StereoFrame:
-    """Return the frame with its pictures changed."""
-    left, right = change((frame.left, frame.right))
-    return msgspec.structs.replace(frame, left=left, right=right)
-
-
-def tried(trial: Trial, wearer: SimulatedWearer, inputs: Sequence[ImuSample | Tick | Frame]) -> Trial:
+def tried(trial: Trial, walk: OfflineWalk) -> Trial:
     """Return what the pipeline makes of one fault on a walk."""
+    wearer = walk.wearer
     chance = np.random.default_rng([trial.seed, CASES.index(trial.case)])
     onset_s = 0.0 if trial.case.endswith("-first") else chance.uniform(3.5, 4.5)
     change = drawn_change(trial, chance, wearer.unit.stereo)
     onset_ns = START_NS + (SETTLED_NS if change is None else round(1e9 * onset_s))
-    pipeline = Pipeline(wearer.calibration, FootholdSettings())
+    strikes = [] if change is None else [Strike(pictures(change), onset_ns, FOR_EVER_NS)]
+    pipeline = walk.new_pipeline()
     alarmed_ns = 0
-    for message in inputs:
-        if change is not None and isinstance(message, StereoFrame) and message.header.t_exposure_ns >= onset_ns:
-            message = changed(message, change)
+    for message in struck(walk.inputs, strikes):
         for ground in pipeline.step(message):
             if not isinstance(ground, GroundPlane) or ground.frame_seq < 0:
                 continue
@@ -172,22 +133,18 @@ def main() -> None:
     options = parser.parse_args()
     cv2.setNumThreads(1)
     first, last = map(int, options.seeds.split("-"))
-    known = options.file.read_text().splitlines() if options.file and options.file.exists() else []
-    trials = [msgspec.json.decode(line, type=Trial) for line in known]
+    trials = known_trials(options.file, Trial)
     for seed in range(first, last + 1):
-        walk = options.walk or WALKS[seed % len(WALKS)]
-        wanted = {case: Trial(case=case, seed=seed, seconds=options.seconds, walk=walk) for case in options.cases}
-        done = {t.case for t in trials if (t.seed, t.seconds, t.walk) == (seed, options.seconds, walk)}
+        name = options.walk or WALKS[seed % len(WALKS)]
+        wanted = {case: Trial(case=case, seed=seed, seconds=options.seconds, walk=name) for case in options.cases}
+        done = {t.case for t in trials if (t.seed, t.seconds, t.walk) == (seed, options.seconds, name)}
         missing = [trial for case, trial in wanted.items() if case not in done]
         if not missing:
             continue
-        wearer = SimulatedWearer(seed, scenario(walk), START_NS)
-        inputs = list(wearer.offline_inputs(options.seconds))
+        walk = OfflineWalk(seed, name, options.seconds)
         for trial in missing:
-            trials.append(tried(trial, wearer, inputs))
-            if options.file:
-                with options.file.open("a") as file:
-                    file.write(json.dumps(msgspec.to_builtins(trial)) + "\n")
+            trials.append(tried(trial, walk))
+            keep_trial(options.file, trial)
     trials = [t for t in trials if first <= t.seed <= last and t.case in options.cases and t.seconds == options.seconds]
     trials.sort(key=lambda t: CASES.index(t.case))
     table(trials)

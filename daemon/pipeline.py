@@ -21,6 +21,7 @@ from messages import (
     Motion,
     Reason,
     Reconfigured,
+    Status,
     Terrain,
     Tick,
     UnitCalibration,
@@ -165,14 +166,14 @@ class Pipeline:
         self._passes_over = self._load is Load.REDUCED and not self._passes_over
         step = None if self._passes_over else self._motion.add_frame(frame, self._attitude.foretold)
         if step is not None:
-            self._attitude.add_camera_step(step)
+            self._attitude.add_camera_step(step, sound=self._motion.reason is Reason.NONE)
         placed = self._placed(frame.header)
         yield self._ground_of(frame, placed)
         yield self._motion_of(frame.header, placed)
         if not self._passes_over:
             yield self._terrain_of(frame, placed)
             self._motion.finish_frame()
-        if self._contradiction is Reason.NONE:
+        if self._contradiction is Reason.NONE and self._attitude.is_confirmed:
             self._attitude.checkpoint()
 
     @property
@@ -194,7 +195,7 @@ class Pipeline:
     def _ground_of(self, frame: Frame, placed: AttitudeAt | Reason) -> GroundPlane:
         if isinstance(placed, Reason):
             return self._no_ground(frame.header.t_exposure_ns, frame.header.seq, placed)
-        return self._ground.estimate(
+        ground = self._ground.estimate(
             frame,
             placed.R_WB,
             placed.w_WB_B,
@@ -203,8 +204,12 @@ class Pipeline:
             v_W_mps=placed.v_W_mps,
             distance_scale=self._attitude.distance_scale,
             focal_difference=self._motion.focal_difference,
+            may_begin=self._attitude.is_watched,
             reduced=self._load is Load.REDUCED,
         )
+        if ground.status is Status.VALID and not self._attitude.is_confirmed:
+            return self._no_ground(frame.header.t_exposure_ns, frame.header.seq, Reason.UNCONFIRMED)
+        return ground
 
     def _motion_of(self, header: FrameHeader, placed: AttitudeAt | Reason) -> Motion:
         if isinstance(placed, Reason):

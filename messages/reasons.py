@@ -34,6 +34,7 @@ class Reason(str, enum.Enum):
     CAMERA_SLIPPED = "camera_slipped"  # the camera has turned on its mount: calibrate it to the IMU
     DISTANCES_WRONG = "distances_wrong"  # what is seen moves more, or less, than the IMU measures: calibrate the eyes
     VIEW_DEFORMED = "view_deformed"  # something before a lens moves part of its picture: clean the window
+    UNCONFIRMED = "unconfirmed"  # no camera has checked the gyroscope for long, or not long enough since
 
     @property
     def status(self) -> Status:

@@ -147,6 +147,35 @@ def _darkened(light: FloatArray, *, left: bool) -> ImageChange:
     return change
 
 
+def drawn(
+    kind: str, size: str, chance: np.random.Generator, stereo: StereoCalibration
+) -> tuple[ImageChange, Warp | None]:
+    """Draw what happens to one eye, or how the pictures turn over, and the warp where it is one.
+
+    `kind` is "drop", "bent", "thin" and "rows" (either of the two with 0.3 px, with no vertical part), "stretched",
+    "blur", "half" covered, "dirt", "mirrored", "upside" down, "turned" round or "aligned"; `size` is in px of the raw
+    picture, or what of the aligned pictures is turned over. Raises KeyError for another kind.
+    """
+    left = bool(chance.integers(2))
+    if kind in ("drop", "bent", "thin", "rows"):
+        make = drop if kind == "drop" or (kind != "bent" and chance.integers(2)) else bent
+        warp = make(chance).of_size(float(size))
+        warp = warp.with_vertical({"thin": 0.3, "rows": 0.0}[kind]) if kind in ("thin", "rows") else warp
+        return warped(warp, left=left), warp
+    if kind == "stretched":
+        warp = stretched(float(size))
+        return warped(warp, left=left), warp
+    if kind == "blur":
+        return blurred(int(size), left=left), None
+    if kind == "half":
+        return covered(str(chance.choice(["left", "right", "upper", "lower"])), left=left), None
+    if kind == "dirt":
+        return dirty(chance, left=left), None
+    if kind == "aligned":
+        return turned_over(stereo, across=size != "upside-down", down=size != "mirrored"), None
+    return {"mirrored": mirrored, "upside": upside_down, "turned": turned_round}[kind], None
+
+
 def mirrored(pair: Pair) -> Pair:
     """Left and right exchanged within the whole buffer: the eyes, too, change places."""
     left, right = (np.ascontiguousarray(picture[:, ::-1]) for picture in pair)

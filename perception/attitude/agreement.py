@@ -91,6 +91,11 @@ class Agreement:
         return self._advice(step) if self.contradicted else Advice.KEEP
 
     @property
+    def turn_is_off(self) -> bool:
+        """Return whether it is by its turn that a step has contradicted."""
+        return self.contradicted and self._turn_is_off
+
+    @property
     def turn_contradicts(self) -> bool:
         """Return whether the gyroscope is wrong: no cause has explained in time what contradicts."""
         return self._turn_is_off and not self._explained and self._contradicted_s >= self.settings.grace_s

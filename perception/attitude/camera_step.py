@@ -80,7 +80,7 @@ def measure_step(
         by_part = squares_by_part(innovation, likely)
     if believed and squares(innovation, likely) <= settings.refused_sigmas**2:
         fuse(state, H, innovation, _robust(noise, by_part, settings))
-        state.without_camera_s = 0.0
+        state.without_camera_s = state.unwatched_s = 0.0
     follow_ground(kalman, state, step.duration_s)
     turned_W = so3.transform(so3.rows_from_quaternion(state.q_WB), step.turn_B)
     turn_squares, travel_squares = by_part

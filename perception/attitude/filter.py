@@ -66,6 +66,17 @@ class AttitudeFilter:
         """
         self._state = self._kalman.carried_by_gyro(self._state, since)
 
+    def doubt_gyro(self) -> bool:
+        """Let the next steps of the camera tell what has become of gyroscope and tilt since it was lost, or of a usual
+        mounting that samples have not confirmed; return whether there is any tilt yet."""
+        state = self._state
+        if not state.started or state.clipped_s > self.settings.longest_clipping_s:
+            return False
+        state.levelling = None
+        self._kalman.correct(state)
+        self._kalman.doubt_gyro(state)
+        return True
+
     def begin_camera_step(self) -> None:
         """Let a step of the camera begin at the last sample."""
         if self._state.started:
@@ -197,7 +208,15 @@ class AttitudeFilter:
             return Reason.NO_IMU
         if state.levelling is None and self._kalman.knows_tilt(state, self.settings.usable_tilt_rad):
             return Reason.NONE
+        if self.has_begun and self._kalman.unwatched_tilt_var(state) > 0.0:
+            return Reason.UNCONFIRMED
         return state.reason_uncertain if state.started or state.reason_uncertain is Reason.NO_IMU else Reason.STARTING
+
+    @property
+    def has_begun(self) -> bool:
+        """Return whether there is a tilt, however uncertain, that steps of the camera can correct."""
+        state = self._state
+        return state.started and state.levelling is None and state.clipped_s <= self.settings.longest_clipping_s
 
     def update(
         self, t_ns: int, sf_B: Vec3, w_B: Vec3, clipped: bool = False, temperature_degC: float = math.nan

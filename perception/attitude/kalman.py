@@ -31,7 +31,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from messages import Residual, Vec3
+from messages import Reason, Residual, Vec3
 from messages.arrays import FloatArray
 from perception import so3, vec3
 from perception.attitude.accelerometer import CROSS_UP, tilt_of_bias, weigh_gravity
@@ -117,6 +117,7 @@ class AttitudeKalman:
     def after_gap(self, state: AttitudeState, gap_s: float) -> AttitudeState:
         """Return the state before the first sample after `gap_s` without: of the motion nothing is left, of the
         sensors' errors and the usual mounting all."""
+        settings = self.settings
         return AttitudeState(
             state.covariance + np.diag(self._walk_density * gap_s),
             usual_step_s=state.usual_step_s,
@@ -126,6 +127,7 @@ class AttitudeKalman:
             gyro_bias=state.gyro_bias,
             sf_bias=state.sf_bias,
             gyro_matrix=state.gyro_matrix,
+            without_camera_s=max(state.without_camera_s + gap_s, settings.camera.fresh_s),
             scale=state.scale,
             mount_B=state.mount_B,
             lag_s=state.lag_s,
@@ -162,16 +164,21 @@ class AttitudeKalman:
         return vec3.minus(vec3.minus(w_measured, so3.transform(state.gyro_matrix, w_measured)), state.gyro_bias)
 
     def rotation_cov_W(self, state: AttitudeState) -> FloatArray:
-        """Return the covariance (3, 3), rad², of θ, its tilt no less than the accelerometer's residual allows."""
+        """Return the covariance (3, 3), rad², of θ: the tilt's no less than the accelerometer's residual allows, and
+        with what the gyroscope may have done since the camera was lost."""
         covariance = np.array(state.covariance[ROTATION, ROTATION])
         for axis in (0, 1):
-            covariance[axis, axis] = max(covariance[axis, axis], self._least_tilt_var)
+            covariance[axis, axis] = max(covariance[axis, axis], self._least_tilt_var) + self.unwatched_tilt_var(state)
         return covariance
+
+    def unwatched_tilt_var(self, state: AttitudeState) -> float:
+        """Return by how much, rad², a bias that jumped when the camera was lost may have turned the vertical since."""
+        return (self.settings.gyro_bias_radps * state.unwatched_s) ** 2 if self.has_lost_camera(state) else 0.0
 
     def knows_tilt(self, state: AttitudeState, tilt_rad: float) -> bool:
         """Return whether the tilt is known to `tilt_rad`, 1 σ on each axis."""
-        P = state.covariance
-        return state.started and bool(max(P[0, 0], P[1, 1], self._least_tilt_var) <= tilt_rad**2)
+        P, unwatched_var = state.covariance, self.unwatched_tilt_var(state)
+        return state.started and bool(max(P[0, 0], P[1, 1], self._least_tilt_var) + unwatched_var <= tilt_rad**2)
 
     def at_rest(self, state: AttitudeState) -> bool:
         """Return whether the IMU has moved no more than a standing wearer does, for a second."""
@@ -200,11 +207,25 @@ class AttitudeKalman:
 
     def start_in_motion(self, state: AttitudeState, up_B: Vec3, tilt_rad: float) -> None:
         """Start with the vertical along `up_B`, of any length, known to `tilt_rad` on each axis, at an unknown pace."""
-        settings = self.settings
-        self._start(state, up_B, tilt_rad, settings.moving_start_speed_mps)
+        self._start(state, up_B, tilt_rad, self.settings.moving_start_speed_mps)
+        self._walk_at_some_pace(state)
+
+    def doubt_gyro(self, state: AttitudeState) -> None:
+        """Let steps of the camera tell what bias, tilt and pace have become since it was lost."""
+        P, settings = state.covariance, self.settings
+        tilt_var = min(self.unwatched_tilt_var(state), settings.moving_start_tilt_rad**2)
+        if state.ground.moves:
+            P[SCALE, SCALE] = state.ground.frozen_scale_var
+        self._forget_motion(state, settings.moving_start_speed_mps)
+        self._walk_at_some_pace(state)
+        P[ROTATION, ROTATION] += np.diag((1.0, 1.0, 0.0)) * tilt_var
+        P[GYRO_BIAS, GYRO_BIAS] += np.eye(3) * settings.gyro_bias_radps**2
+        state.reason_uncertain = Reason.UNCONFIRMED
+
+    def _walk_at_some_pace(self, state: AttitudeState) -> None:
+        settings, P = self.settings, state.covariance
         state.pace_unknown_s = settings.pace_unknown_s
         state.mean_square_swing = settings.moving_start_swing_mps**2
-        P = state.covariance
         P[DRIFT, VELOCITY] = P[VELOCITY, DRIFT] = P[DRIFT, DRIFT]
         P[VELOCITY, VELOCITY] += np.eye(3) * settings.moving_start_swing_mps**2
 
@@ -212,19 +233,25 @@ class AttitudeKalman:
         """Stand `up_B` upright: where the accelerometer's bias leans, so does the vertical."""
         state.started = True
         state.q_WB = so3.quaternion_from_up(up_B)
-        state.v_W = state.drift_W = state.smooth_swing_W = vec3.ZERO
-        state.pace_unknown_s = 0.0
-        state.step = Step()
+        self._forget_motion(state, speed_mps)
         state.sf_W = _specific_force_W(state)
         P = state.covariance
-        state.travel_W, state.q_WB_beginning = vec3.ZERO, None
-        state.ground = GroundMotion()
-        for motion in (ROTATION, VELOCITY, DRIFT, TRAVEL, BEGINNING, GROUND, GROUND_TURN):
-            P[motion, :] = P[:, motion] = 0.0
+        P[ROTATION, :] = P[:, ROTATION] = 0.0
         leaning = tilt_of_bias(state, self.settings)
         P[ROTATION, :] = leaning @ P[SF_BIAS, :]
         P[:, ROTATION] = P[ROTATION, :].T
         P[ROTATION, ROTATION] = leaning @ P[SF_BIAS, SF_BIAS] @ leaning.T + np.diag((1, 1, 0)) * tilt_rad**2
+
+    def _forget_motion(self, state: AttitudeState, speed_mps: float) -> None:
+        """Let the velocity be 0, known to `speed_mps`, over a ground at rest, and no step of the camera have begun."""
+        state.v_W = state.drift_W = state.smooth_swing_W = vec3.ZERO
+        state.pace_unknown_s = state.unwatched_s = 0.0
+        state.step = Step()
+        state.travel_W, state.q_WB_beginning = vec3.ZERO, None
+        state.ground = GroundMotion()
+        P = state.covariance
+        for motion in (VELOCITY, DRIFT, TRAVEL, BEGINNING, GROUND, GROUND_TURN):
+            P[motion, :] = P[:, motion] = 0.0
         P[VELOCITY, VELOCITY] = P[DRIFT, DRIFT] = np.eye(3) * speed_mps**2
 
     def integrate(self, state: AttitudeState, sample: Sample, dt_s: float) -> None:
@@ -342,6 +369,7 @@ class AttitudeKalman:
 
     def _measure(self, state: AttitudeState, dt_s: float) -> None:
         state.without_camera_s += dt_s
+        state.unwatched_s += 0.0 if state.resting or state.levelling is not None else dt_s
         if self.follows_camera(state):
             return
         swing_W = vec3.minus(state.v_W, state.drift_W)

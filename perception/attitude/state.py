@@ -36,7 +36,8 @@ class CameraStepSettings:
     # warms up, or the wearer walks out into the cold.
     fresh_s: float = 0.25
     bias_walk_radps_rts: float = math.radians(0.05)
-    # A covered camera's wearer still walks out into the cold.
+    # A covered camera's wearer still walks out into the cold. The bias may also have jumped, by `gyro_bias_radps`,
+    # right after the last step: the tilt is stated the worse, until steps tell.
     covered_bias_walk_radps_rts: float = math.radians(0.1)
     # A sum of innovations that fades contradicts beyond `far_sigmas`: the gyroscope's bias has jumped, and with it the
     # tilt; or the ground moves, accelerating so much horizontally, less upwards, or turning, for so long.
@@ -253,7 +254,8 @@ class AttitudeState:
     sf_W: Vec3 = vec3.ZERO
     travel_W: Vec3 = vec3.ZERO  # since the camera's step began
     q_WB_beginning: Quaternion | None = None  # the attitude then; None where no step has begun
-    without_camera_s: float = math.inf  # time since the last step of the camera that was used
+    without_camera_s: float = math.inf  # time since the last step of the camera that was used,
+    unwatched_s: float = 0.0  # and in motion, the tilt known: at rest the samples tell the gyroscope's bias
     scale: float = 0.0  # the camera's distances are (1 + scale) times the true ones
     lag_s: float = 0.0  # so much later than their stamps are the camera's pictures
     v_W_beginning: Vec3 = vec3.ZERO  # velocity and rate when the camera's step began

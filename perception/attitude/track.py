@@ -12,6 +12,7 @@ from messages.arrays import FloatArray
 from perception import so3
 from perception.attitude.agreement import Advice, Agreement, Innovation
 from perception.attitude.camera_step import CameraStep
+from perception.attitude.confirmation import Confirmation
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings, AttitudeState
 from perception.attitude.foretold import MotionForetold
 from perception.attitude.history import AttitudeAt, AttitudeHistory, OutsideHistoryError
@@ -41,7 +42,8 @@ class AttitudeTrack:
         self._before_start: deque[tuple[int, Vec3]] = deque(maxlen=_MOST_BEFORE_START)
         self._newest_ns: int | None = None
         self._step_end: AttitudeState | None = None
-        self._agreement = Agreement()
+        self._trial: AttitudeState | None = None
+        self._agreement, self._confirmation = Agreement(), Confirmation()
         self._checkpoints: deque[tuple[int, AttitudeState]] = deque(maxlen=2)
         self._recent: deque[Sample] = deque(maxlen=_MOST_RECENT)
         self._path = PathLength()
@@ -73,8 +75,8 @@ class AttitudeTrack:
         self._filter.update(*calibrated)
         self._newest_ns = sample.t_sample_ns
         self._recent.append(calibrated)
-        state, rotation_cov_W = self._filter, self._filter.rotation_cov_W
-        if state.status is Status.VALID:
+        rotation_cov_W = self._filter.rotation_cov_W
+        if self._filter.has_begun:
             if self._before_start:
                 self._add_attitudes_before_start(sample.t_sample_ns, rotation_cov_W)
             self._history.append(self._attitude_at(sample.t_sample_ns))
@@ -91,6 +93,18 @@ class AttitudeTrack:
     def foretold(self) -> MotionForetold | None:
         """Return the motion over the ground at the newest sample that the camera should see; None where unknown."""
         return self._filter.foretold if self._filter.status is Status.VALID else None
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Return whether steps of the camera bound what the gyroscope does, or never have."""
+        pending = self._newest_ns is not None and self._confirmation.is_pending(self._newest_ns)
+        return not pending and self._filter.reason is not Reason.UNCONFIRMED
+
+    @property
+    def is_watched(self) -> bool:
+        """Return whether the last step of the camera is not missing, or there never was one."""
+        since_s = self._filter.without_camera_s
+        return since_s < _WATCHED_S or math.isinf(since_s)
 
     @property
     def contradiction(self) -> Reason:
@@ -112,19 +126,30 @@ class AttitudeTrack:
         """Return by what share the camera's distances are likely too long."""
         return self._filter.distance_scale
 
-    def add_camera_step(self, step: CameraStep) -> None:
+    def add_camera_step(self, step: CameraStep, *, sound: bool = True) -> None:
         """Correct the attitude by a step of the camera, and all attitudes since with it.
 
         The first one, and one that does not begin where the last ended or soon after, only says from when on. What the
-        IMU gave while it contradicted the camera is discarded as in `roll_back`.
+        IMU gave while it contradicted the camera is discarded as in `roll_back`. Once none has been used for long,
+        steps have to confirm each other first; one that is not `sound`, as pictures or clock are known to be wrong,
+        confirms nothing.
         """
-        if self._filter.status is not Status.VALID or self._newest_ns is None or step.t_after_ns > self._newest_ns:
+        if self._newest_ns is None or step.t_after_ns > self._newest_ns:
             return
+        pending = self._confirmation.is_pending(step.t_after_ns)
+        if self._filter.has_begun and (self._agreement.contradicted or not pending):
+            self._take(step, self._newest_ns, sound=sound, pending=pending)
+        if sound and (self._agreement.turn_is_off or pending):
+            self._try(step, self._newest_ns)
+        else:
+            self._trial = None
+
+    def _take(self, step: CameraStep, newest_ns: int, *, sound: bool, pending: bool) -> None:
+        """Let the filter take a step; while all is still to be confirmed, it only says whether it contradicts."""
         now, at_end = self._filter.save(), self._step_end
         if at_end is None or at_end.t_ns is None or at_end.t_ns <= self._recent[0].t_ns:
             self._step_end = now
-            if now.t_ns is not None:
-                self._path.interrupt(now.t_ns, self._filter.settings.moving_start_speed_mps)
+            self._path.interrupt(newest_ns, self._filter.settings.moving_start_speed_mps)
             return
         if step.t_before_ns < at_end.t_ns - _OVERLAP_NS:
             return
@@ -136,17 +161,61 @@ class AttitudeTrack:
             self._path.add_unseen(step.t_before_ns, self._filter.unseen_travel(step.p_BC_m))
             self._filter.begin_camera_step()
         self._advance(step.t_after_ns)
-        innovation = self._end_camera_step(step)
+        innovation = self._end_camera_step(step, believed=not (pending or self._agreement.turn_contradicts))
+        if sound and self._filter.without_camera_s == 0.0:
+            self._confirmation.accept(step.t_after_ns)
         self._step_end = self._filter.save()
-        self._advance(self._newest_ns)
+        self._advance(newest_ns)
         advice = Advice.KEEP if innovation is None else self._agreement.add(innovation)
         if advice is not Advice.KEEP:
             self.roll_back(gyro_agrees=advice is Advice.DISCARD_ALL_BUT_TURNS)
 
-    def _end_camera_step(self, step: CameraStep) -> Innovation | None:
+    def _try(self, step: CameraStep, newest_ns: int) -> None:
+        """Let a trial take a step: a filter that doubts gyroscope and tilt, and takes the other's place once its steps
+        have confirmed each other."""
+        now, trial = self._filter.save(), self._trial
+        if trial is not None and trial.t_ns is not None and trial.t_ns > self._recent[0].t_ns:
+            if step.t_before_ns < trial.t_ns - _OVERLAP_NS:
+                return
+            later = step.t_before_ns > trial.t_ns + _OVERLAP_NS
+            moves = now.ground.moves
+            if (not later or trial.q_WB_beginning is None) and self._agrees(trial, step, later=later, moves=moves):
+                self._trial = self._filter.save()
+                if not self._confirmation.is_complete:
+                    self._filter.restore(now)
+                    return
+                self._step_end, self._trial, self._agreement = self._trial, None, Agreement()
+                self._confirmation.accept(step.t_after_ns)
+                self._path.interrupt(step.t_after_ns, self._filter.settings.moving_start_speed_mps)
+                self._history.clear()
+                self._before_start.clear()
+                self._history.append(self._attitude_at(step.t_after_ns))
+                self._advance(newest_ns)
+                return
+        self._filter.restore(now)
+        self._trial = None
+        if self._filter.doubt_gyro():
+            self._trial = self._filter.save()
+            self._filter.restore(now)
+            self._confirmation.begin()
+
+    def _agrees(self, trial: AttitudeState, step: CameraStep, *, later: bool, moves: bool) -> bool:
+        """Go on from `trial` to the end of a step, `later` than which it begins; return whether that was accepted and
+        usual. A ground that seems to move, and did not, may be an accelerometer that has become wrong meanwhile."""
+        self._filter.restore(trial)
+        if later:
+            self._advance(step.t_before_ns, remembered=False)
+            self._filter.begin_camera_step()
+        self._advance(step.t_after_ns, remembered=False)
+        innovation = self._filter.end_camera_step(step)
+        if innovation is None or self._filter.without_camera_s > 0.0 or (self._filter.ground.moves and not moves):
+            return False
+        return self._confirmation.add(innovation)
+
+    def _end_camera_step(self, step: CameraStep, *, believed: bool) -> Innovation | None:
         """Let the filter take the step that ends at its last sample, and lengthen the path by what is known of it."""
         unseen = self._filter.unseen_travel(step.p_BC_m)
-        innovation = self._filter.end_camera_step(step, believed=not self._agreement.turn_contradicts)
+        innovation = self._filter.end_camera_step(step, believed=believed)
         if self._filter.without_camera_s == 0.0:
             errors, noise_factor = self._filter.sensor_errors, self._filter.settings.camera.noise_factor
             self._path.add_step(step, self._filter.R_WB, noise_factor, errors.scale, math.sqrt(errors.scale_var))
@@ -154,13 +223,13 @@ class AttitudeTrack:
             self._path.add_unseen(step.t_after_ns, unseen)
         return innovation
 
-    def _advance(self, until_ns: int) -> None:
+    def _advance(self, until_ns: int, *, remembered: bool = True) -> None:
         """Take the samples since the filter's state again, up to `until_ns`: between two, what lies on their line."""
         for before, sample in pairwise(self._from(self._filter.t_ns)):
             if before.t_ns >= until_ns:
                 break
             self._filter.update(*_between(before, sample, until_ns))
-            if self._filter.status is Status.VALID:
+            if remembered and self._filter.has_begun:
                 self._history.append(self._attitude_at(min(sample.t_ns, until_ns)))
 
     def _from(self, t_ns: int | None) -> list[Sample]:
@@ -213,7 +282,10 @@ class AttitudeTrack:
         return together and not any(sample.clipped for sample in since)
 
     def at(self, t_ns: int) -> AttitudeAt | None:
-        """Return attitude and rate at `t_ns`, or None if that is not between known samples or just after the newest."""
+        """Return attitude and rate at `t_ns`, or None if that is not between known samples or just after the newest, or
+        while the tilt is not known; it is where it only `is_confirmed` no more."""
+        if self._filter.reason not in (Reason.NONE, Reason.UNCONFIRMED):
+            return None
         try:
             return self._history.at(t_ns)
         except OutsideHistoryError:
@@ -286,6 +358,8 @@ _MOST_BEFORE_START = 1024
 _HISTORY_S = 2.0
 _CHECKPOINT_EVERY_S = 2.0
 _MOST_RECENT = 1024
+_WATCHED_S = 0.15
+"""Two frames and the samples since."""
 _NEIGHBOUR_NS = 10_000_000
 _OVERLAP_NS = 10_000_000
 """So much earlier than the end of the step before, or later, a step may begin: their rows' times differ."""

@@ -63,6 +63,7 @@ class GroundEstimator:
         v_W_mps: Vec3 | None = None,
         distance_scale: float = 0.0,
         focal_difference: FocalDifference = UNWATCHED,
+        may_begin: bool = True,
         reduced: bool = False,
     ) -> GroundPlane:
         """Return the ground in H of `frame`, given the attitude, its covariance and the rate at mid-exposure.
@@ -70,7 +71,8 @@ class GroundEstimator:
         `height_rate_mps` is how fast the camera moves away from the ground: a walker's bob, not the climb of a ramp.
         `v_W_mps` is the velocity of the IMU; without it nobody asks whether the view is deformed.
         `distance_scale` is by what share the camera's distances are too long, `focal_difference` what is known of its
-        eyes' focal lengths beyond the calibration.
+        eyes' focal lengths beyond the calibration. A plane that contradicts the track begins no new one unless it
+        `may_begin`: while the camera's motion cannot be followed, what matches may be chance.
         With `reduced` only the middle half of the region's width is matched.
         """
         if tuple(image.shape[::-1] for image in frame.images) != tuple(self._meter.camera.image_sizes_px):
@@ -93,13 +95,13 @@ class GroundEstimator:
             )
 
         measured = measure(expected, self._repetition.margin_m(t_ns, expected))
-        may_begin = True
         if measured.fit is not None:
             self._swap_watch.clear()
             ask = partial(self._meter.find_repeats, frame.images, R_HC, region)
-            measured, may_begin = self._repetition.resolved(
+            measured, tells = self._repetition.resolved(
                 t_ns, measured, measured.fit, expected, searched.bounds, ask, measure
             )
+            may_begin = may_begin and tells
         reason = measured.reason if expected is not None else self._search.ended(measured.reason)
         if measured.fit is None and self._repetition.repeats(t_ns):
             return self._invalid(frame, reason, measured.matched_share)

@@ -1,0 +1,64 @@
+"""After the camera was out of order: have turn and velocity agreed with the IMU for long enough to be believed again?
+
+While no step of the camera is accepted nothing bounds what the gyroscope may have done, and a step that comes alone may
+itself be wrong. Steps are believed once they have agreed with each other, by way of the IMU, for `confirm_s` in one
+piece: the squares of the innovations, and the turns that were missing together, have been usual.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.attitude.agreement import Innovation
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConfirmationSettings:
+    """Without an accepted step for `lost_s` all has to be confirmed, for `confirm_s`: once tilt, pace and gyroscope's
+    bias have been found, after `found_s`, squares are below `usual_squares` on average, 1 being expected, and turns
+    missing together no more than `most_rad`."""
+
+    lost_s: float = 0.5
+    confirm_s: float = 1.0
+    usual_squares: float = 3.0
+    average_s: float = 0.2
+    found_s: float = 0.25
+    most_rad: float = math.radians(0.9)
+
+
+class Confirmation:
+    """Takes note of each step that was accepted; tells whether IMU and camera are yet to agree again."""
+
+    def __init__(self, settings: ConfirmationSettings | None = None) -> None:
+        self.settings = settings or ConfirmationSettings()
+        self._accepted_ns: int | None = None
+        self.begin()
+
+    def accept(self, t_after_ns: int) -> None:
+        """Take note of a step that ends at `t_after_ns` and has corrected the filter."""
+        self._accepted_ns = t_after_ns
+
+    def is_pending(self, now_ns: int) -> bool:
+        """Return whether no step has been accepted for `lost_s`; before the first one nothing has been lost."""
+        return self._accepted_ns is not None and 1e-9 * (now_ns - self._accepted_ns) > self.settings.lost_s
+
+    def begin(self) -> None:
+        """Let a run of steps begin."""
+        self._run_s, self._missing_rad, self._squares = 0.0, np.zeros(3), 1.0
+
+    def add(self, step: Innovation) -> bool:
+        """Take the next step of the run, an accepted one; return whether it is usual."""
+        settings = self.settings
+        self._run_s += step.duration_s
+        if self._run_s <= settings.found_s:
+            return True
+        self._missing_rad = self._missing_rad + step.missing_rad
+        gain = min(1.0, step.duration_s / settings.average_s)
+        self._squares += gain * (max(step.turn_squares, step.travel_squares) - self._squares)
+        return self._squares <= settings.usual_squares and float(np.linalg.norm(self._missing_rad)) <= settings.most_rad
+
+    @property
+    def is_complete(self) -> bool:
+        """Return whether the run has been long enough."""
+        return self._run_s >= self.settings.confirm_s
