@@ -13,7 +13,7 @@ from perception.terrain.edges import Edge, find_edges
 from perception.terrain.kinds import FROM_M, kind_of
 from perception.terrain.memory import EdgeMemory
 from perception.terrain.path_points import PathSettings, find_points
-from perception.terrain.profile import profile_of
+from perception.terrain.profile import profile_of, roughness_m
 from perception.terrain.surfaces import Surface, find_surfaces
 
 
@@ -39,6 +39,7 @@ class TerrainEstimator:
         self._path = path or PathSettings()
         self._memory = EdgeMemory()
         self._height_m = nominal_height_m
+        self._rough_m = 0.0
 
     def estimate(
         self,
@@ -73,12 +74,14 @@ class TerrainEstimator:
         )
         heading_rad = math.atan2(R_WH[1, 0], R_WH[0, 0])
         yaw_rad = self._memory.expected_yaw_rad(heading_rad)
-        surfaces = find_surfaces(profile_of(points, yaw_rad, 2.0 * self._path.half_width_m))
+        profile = profile_of(points, yaw_rad, 2.0 * self._path.half_width_m)
+        self._follow_roughness(roughness_m(points, profile, yaw_rad))
+        surfaces = find_surfaces(profile)
         found = find_edges(surfaces, points, yaw_rad)
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
         edges = self._memory.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, found, surfaces)
         self._follow_height(surfaces)
-        kind, probability = kind_of(surfaces, edges)
+        kind, probability = kind_of(surfaces, edges, self._rough_m)
         if not surfaces:
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.LOW_TEXTURE)
         return Terrain(
@@ -97,6 +100,10 @@ class TerrainEstimator:
         return Terrain.invalid(
             t_exposure_ns=t_exposure_ns, frame_seq=frame_seq, reason=reason, calibration_id=self._calibration_id
         )
+
+    def _follow_roughness(self, rough_m: float) -> None:
+        if math.isfinite(rough_m):
+            self._rough_m += _FOLLOWS * (rough_m - self._rough_m)
 
     def _follow_height(self, surfaces: list[Surface]) -> None:
         """Take the height over the nearest surface for that over the ground that the wearer stands on."""

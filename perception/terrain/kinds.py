@@ -17,17 +17,21 @@ BESIDE_EDGE_M = 0.35
 FLIGHT_M = 0.5
 """Edges one way that are nearer to each other than this are a flight of stairs."""
 RAMP_RAD = math.radians(1.5)
-ROUGH_M = 0.008
+ROUGH_M = 0.0055
+"""Ground that varies by more across the path, one σ, is rough; matching noise and slopes leave up to 0.005 m."""
 
 
-def kind_of(surfaces: Sequence[Surface], edges: Sequence[Edge]) -> tuple[TerrainKind, float]:
+def kind_of(surfaces: Sequence[Surface], edges: Sequence[Edge], rough_m: float) -> tuple[TerrainKind, float]:
     """Return the kind of most of the path from FROM_M to TO_M, and the probability of it.
+
+    `rough_m` is how much the ground varies across the path, one σ; an edge that is no higher than its bumps is none.
 
     The probability is the share of that part that is of this kind, each place by how far its surface is from a bound.
     """
+    edges = [edge for edge in edges if abs(edge.rise_m) > _OVER_BUMPS * rough_m]
     votes = dict.fromkeys(TerrainKind, 0.0)
     for at_m in np.arange(FROM_M + 0.5 * _CELL_M, TO_M, _CELL_M).tolist():
-        for kind, share in _kinds_at(at_m, surfaces, edges).items():
+        for kind, share in _kinds_at(at_m, surfaces, edges, rough_m > ROUGH_M).items():
             votes[kind] += share
     total = sum(votes.values())
     kind = max(votes, key=votes.__getitem__)
@@ -38,19 +42,19 @@ def kind_of(surfaces: Sequence[Surface], edges: Sequence[Edge]) -> tuple[Terrain
     return kind, votes[kind] / total
 
 
-def _kinds_at(at_m: float, surfaces: Sequence[Surface], edges: Sequence[Edge]) -> dict[TerrainKind, float]:
+def _kinds_at(at_m: float, surfaces: Sequence[Surface], edges: Sequence[Edge], rough: bool) -> dict[TerrainKind, float]:
     """Return the kinds that the path may be at a place, with their probabilities."""
     beside = [
         (abs(at_m - middle_m), kind) for kind, middle_m, half_m in _reaches(edges) if abs(at_m - middle_m) <= half_m
     ]
     if beside:
         return {min(beside)[1]: 1.0}
+    if rough:
+        return {TerrainKind.ROUGH: 1.0}
     there = [s for s in surfaces if s.from_m - _BETWEEN_M <= at_m <= s.to_m + _BETWEEN_M]
     if not there:
         return {TerrainKind.UNKNOWN: 1.0}
     surface = min(there, key=lambda s: max(s.from_m - at_m, at_m - s.to_m))
-    if surface.rough_m > ROUGH_M:
-        return {TerrainKind.ROUGH: 1.0}
     slope_rad, sd_rad = math.atan(surface.slope), surface.slope_sd + _SLOPE_COMMON_RAD
     up = 0.5 * math.erfc((RAMP_RAD - slope_rad) / (math.sqrt(2.0) * sd_rad))
     down = 0.5 * math.erfc((RAMP_RAD + slope_rad) / (math.sqrt(2.0) * sd_rad))
@@ -85,4 +89,5 @@ _FLIGHTS = (TerrainKind.STAIRS_UP, TerrainKind.STAIRS_DOWN)
 _CELL_M = 0.05
 _BETWEEN_M = 0.06
 _LEAST_SEEN = 0.3
+_OVER_BUMPS = 6.0
 _SLOPE_COMMON_RAD = math.radians(0.3)

@@ -62,6 +62,31 @@ def profile_of(points: PathPoints, yaw_rad: float, width_m: float) -> Profile:
     )
 
 
+def roughness_m(points: PathPoints, profile: Profile, yaw_rad: float) -> float:
+    """Return how much the ground varies across the path, one robust σ, slopes across taken off; NaN where unseen.
+
+    What `points` within ROUGH_FROM_M to ROUGH_TO_M are off the median of their bin. Steps and ramps vary along the path
+    alone.
+    """
+    place = np.floor((points.x_m + points.y_m * np.tan(yaw_rad) - FIRST_M) / BIN_M).astype(np.intp)
+    some = (points.x_m > ROUGH_FROM_M) & (points.x_m < ROUGH_TO_M) & (place >= 0) & (place < BINS)
+    place, y_m = place[some], points.y_m[some]
+    off_m = points.z_m[some] - profile.height_m[place]
+    seen = profile.covered[place] > _LEAST_COVERED
+    if np.count_nonzero(seen) < _LEAST_POINTS:
+        return float("nan")
+    off_m, y_m = off_m[seen], y_m[seen]
+    slope = 0.0
+    for _ in range(3):
+        near = np.abs(off_m - slope * y_m) < _NEAR_M
+        slope = float(off_m[near] @ y_m[near] / max(y_m[near] @ y_m[near], _TINY))
+    return float(1.4826 * np.median(np.abs(off_m - slope * y_m)))
+
+
+ROUGH_FROM_M, ROUGH_TO_M = 0.3, 1.3
+_LEAST_POINTS = 200
+_NEAR_M = 0.08
+_TINY = 1e-9
 _LEAST_COVERED = 0.5
 _MOST_SPREAD_M = 0.05
 _FLOOR_M = 0.002

@@ -21,7 +21,7 @@ from perception.terrain.profile import BIN_M, BINS, FIRST_M, Profile
 class Surface:
     """A straight piece of the path from `from_m` to `to_m` along u: z = `height_m` + `slope` (u − `middle_m`).
 
-    `height_sd_m` and `slope_sd` are uncorrelated. `rough_m` is what bins are off the line, RMS.
+    `height_sd_m` and `slope_sd` are uncorrelated.
     """
 
     from_m: float
@@ -31,7 +31,6 @@ class Surface:
     slope: float
     height_sd_m: float
     slope_sd: float
-    rough_m: float
 
     def at(self, u_m: float) -> float:
         """Return z at `u_m`, also beyond the ends."""
@@ -81,10 +80,8 @@ class _Fits:
     """Lines (1) through every stretch of bins at once."""
 
     def __init__(self, weight: FloatArray, height_m: FloatArray) -> None:
-        self._weight, self._height_m = weight, height_m
-        self._u_m = FIRST_M + (np.arange(BINS) + 0.5) * BIN_M
+        u, z = FIRST_M + (np.arange(BINS) + 0.5) * BIN_M, height_m
         sums = np.zeros((6, BINS + 1))
-        u, z = self._u_m, height_m
         np.cumsum(weight * np.stack((np.ones(BINS), u, z, u * u, u * z, z * z)), axis=1, out=sums[:, 1:])
         w, wu, wz, wuu, wuz, wzz = sums[:, None, :] - sums[:, :, None]
         self._w = np.maximum(w, _TINY)
@@ -99,7 +96,6 @@ class _Fits:
     def surface(self, i: int, j: int, bins: np.ndarray) -> Surface:
         """Return the line through [i, j), of which `bins` are even."""
         middle_m, slope, height_m = (float(each[i, j]) for each in (self._u_mean, self._slope, self._z_mean))
-        off_m = self._height_m[bins] - height_m - slope * (self._u_m[bins] - middle_m)
         # neighbouring bins err alike: the matcher's offset changes over several of them
         alike = min(len(bins), _BINS_ALIKE)
         return Surface(
@@ -110,7 +106,6 @@ class _Fits:
             slope=slope,
             height_sd_m=float(np.sqrt(alike / self._w[i, j])),
             slope_sd=float(np.sqrt(alike / self._uu[i, j])),
-            rough_m=float(np.sqrt(np.mean(off_m**2))),
         )
 
 

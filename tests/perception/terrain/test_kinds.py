@@ -20,19 +20,19 @@ def edges(*at: tuple[float, float]) -> list[Edge]:
     [(0.0, TerrainKind.LEVEL), (4.0, TerrainKind.RAMP_UP), (-4.0, TerrainKind.RAMP_DOWN)],
 )
 def test_without_edges_the_slope_decides(slope_deg: float, kind: TerrainKind) -> None:
-    found, probability = kind_of([replace(STRAIGHT_ON, slope=math.tan(math.radians(slope_deg)))], [])
+    found, probability = kind_of([replace(STRAIGHT_ON, slope=math.tan(math.radians(slope_deg)))], [], 0.001)
     assert found is kind
     assert probability > 0.95
 
 
 def test_near_the_bound_it_is_not_sure() -> None:
-    found, probability = kind_of([replace(STRAIGHT_ON, slope=math.tan(math.radians(1.5)))], [])
+    found, probability = kind_of([replace(STRAIGHT_ON, slope=math.tan(math.radians(1.5)))], [], 0.001)
     assert found in (TerrainKind.LEVEL, TerrainKind.RAMP_UP)
     assert probability == pytest.approx(0.5, abs=0.05)
 
 
 def test_bumps_are_rough() -> None:
-    assert kind_of([replace(STRAIGHT_ON, rough_m=0.02)], [])[0] is TerrainKind.ROUGH
+    assert kind_of([STRAIGHT_ON], edges((0.7, 0.06)), 0.012)[0] is TerrainKind.ROUGH
 
 
 @pytest.mark.parametrize(
@@ -47,8 +47,8 @@ def test_bumps_are_rough() -> None:
     ],
 )
 def test_edges_decide_near_them(at: list[tuple[float, float]], kind: TerrainKind) -> None:
-    assert kind_of([STRAIGHT_ON], edges(*at))[0] is kind
+    assert kind_of([STRAIGHT_ON], edges(*at), 0.001)[0] is kind
 
 
 def test_where_nothing_is_seen_nothing_is_said() -> None:
-    assert kind_of([], []) == (TerrainKind.UNKNOWN, 1.0)
+    assert kind_of([], [], 0.0) == (TerrainKind.UNKNOWN, 1.0)

@@ -15,9 +15,7 @@ from perception.terrain.surfaces import Surface
 RISER = Edge(
     distance_m=1.2, distance_sd_m=0.01, rise_m=0.17, rise_sd_m=0.004, yaw_rad=0.0, yaw_sd_rad=math.radians(1.0)
 )
-STRAIGHT_ON = Surface(
-    from_m=0.2, to_m=2.5, middle_m=1.0, height_m=-0.95, slope=0.0, height_sd_m=0.001, slope_sd=0.001, rough_m=0.001
-)
+STRAIGHT_ON = Surface(from_m=0.2, to_m=2.5, middle_m=1.0, height_m=-0.95, slope=0.0, height_sd_m=0.001, slope_sd=0.001)
 FRAME_NS = 50_000_000
 
 
