@@ -124,3 +124,24 @@ def test_bumps_across_the_path_are_roughness_and_stairs_and_ramps_are_none(rms_m
     bumps_m = rms_m * 2.0 * np.sin(ground.x_m / 0.06) * np.sin(ground.y_m / 0.06)
     rough = replace(ground, z_m=ground.z_m + bumps_m)
     assert roughness_m(rough, profile_of(rough, 0.0, WIDTH_M), 0.0) > 0.5 * rms_m
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10_000), count=st.integers(0, 4000), spread_m=st.floats(0.0, 1.0), yaw_rad=st.floats(-0.6, 0.6)
+)
+def test_whatever_is_seen_gives_finite_surfaces_and_edges(
+    seed: int, count: int, spread_m: float, yaw_rad: float
+) -> None:
+    chance = np.random.default_rng(seed)
+    x_m, y_m = chance.uniform(0.15, 2.75, count), chance.uniform(-0.25, 0.25, count)
+    steps_m = chance.uniform(-0.4, 0.4, 6)[np.minimum((x_m / 0.5).astype(int), 5)]
+    z_m = np.minimum(-0.95 + steps_m + spread_m * chance.normal(size=count), -0.3)
+    points = PathPoints(x_m, y_m, z_m, np.full(count, 0.003), np.full(count, 1e-4), np.full(count, 0.01))
+    surfaces, edges = found(points, yaw_rad)
+    assert all(np.isfinite((s.from_m, s.to_m, s.height_m, s.slope, s.height_sd_m, s.slope_sd)).all() for s in surfaces)
+    assert [s.from_m for s in surfaces] == sorted(s.from_m for s in surfaces)
+    for edge in edges:
+        assert np.isfinite((edge.distance_m, edge.rise_m, edge.yaw_rad)).all()
+        assert min(edge.distance_sd_m, edge.rise_sd_m, edge.yaw_sd_rad) > 0.0
+        assert edge.rise_m < 0.0 or not edge.bound_only
