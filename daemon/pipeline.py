@@ -222,6 +222,8 @@ class Pipeline:
     def _terrain_of(self, frame: Frame, placed: AttitudeAt | Reason) -> Terrain:
         if isinstance(placed, Reason):
             return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, placed)
+        if not self._attitude.is_confirmed:
+            return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.UNCONFIRMED)
         return self._terrain.estimate(
             frame,
             placed.R_WB,

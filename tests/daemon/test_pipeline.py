@@ -24,6 +24,7 @@ from messages import (
     Reason,
     Status,
     StereoFrame,
+    Terrain,
     Tick,
     capture_ns,
 )
@@ -55,6 +56,15 @@ def run(pipe: Pipeline, inputs: list[Input]) -> list[Estimate]:
     return [estimate for message in inputs for estimate in pipe.step(message)]
 
 
+def covered(message: Input, from_ns: int, until_ns: int = 2**62) -> Input:
+    """Return a message whose pictures, in this time, show nothing."""
+    if not isinstance(message, StereoFrame) or not from_ns <= message.header.t_exposure_ns < until_ns:
+        return message
+    # no two alike, or it would be a repeated picture
+    shade = message.left * 0 + 90 + message.header.seq % 2
+    return StereoFrame(header=message.header, left=shade, right=shade)
+
+
 def grounds(estimates: list[Estimate]) -> list[GroundPlane]:
     return [estimate for estimate in estimates if isinstance(estimate, GroundPlane)]
 
@@ -83,18 +93,23 @@ def test_each_ground_is_followed_by_the_motion_of_its_frame(wearer: SimulatedWea
 
 def test_the_motion_is_not_told_while_nothing_can_be_followed(wearer: SimulatedWearer, inputs: list[Input]) -> None:
     from_ns = START_NS + 1_200_000_000
-
-    def covered(message: Input) -> Input:
-        if isinstance(message, StereoFrame) and message.header.t_exposure_ns >= from_ns:
-            # no two alike, or it would be a repeated picture
-            shade = message.left * 0 + 90 + message.header.seq % 2
-            return StereoFrame(header=message.header, left=shade, right=shade)
-        return message
-
-    estimates = run(pipeline(wearer), [covered(message) for message in inputs])
+    estimates = run(pipeline(wearer), [covered(message, from_ns) for message in inputs])
     motions = [e for e in estimates if isinstance(e, Motion) and e.t_exposure_ns > from_ns + 300_000_000]
     assert {motion.reason for motion in motions} == {Reason.LOW_TEXTURE}
     assert all(motion.distance_m != motion.distance_m for motion in motions)
+
+
+def test_after_half_a_second_in_the_dark_neither_ground_nor_terrain_is_told_at_once(
+    wearer: SimulatedWearer, inputs: list[Input]
+) -> None:
+    from_ns, until_ns = START_NS + 1_400_000_000, START_NS + 2_050_000_000
+    estimates = run(pipeline(wearer), [covered(message, from_ns, until_ns) for message in inputs])
+    for kind in (GroundPlane, Terrain):
+        told = [e for e in estimates if isinstance(e, kind)]
+        assert any(e.status is Status.VALID for e in told if e.t_exposure_ns < from_ns)
+        after = [e for e in told if e.t_exposure_ns >= until_ns]
+        assert len(after) >= 5
+        assert all(e.status is not Status.VALID for e in after)
 
 
 def test_estimates_come_at_the_rates_of_the_topic_table(wearer: SimulatedWearer, inputs: list[Input]) -> None:

@@ -95,6 +95,8 @@ def _scales(line: dict[str, Any]) -> dict[str, Any]:
             "rate_cov_H": np.outer(rate, rate)[np.triu_indices(3)],
             "distance_var_m2": line["distance_var_m2"],
         }
+    if line["topic"] == "terrain":  # of as many surfaces and edges as were seen
+        return {}
     ground = np.sqrt(np.array(line["covariance"])[_DIAGONAL])
     fields = ("slope_sagittal_rad", "slope_frontal_rad", "height_m")
     return {"covariance": np.outer(ground, ground)[np.triu_indices(3)], **dict(zip(fields, ground, strict=True))}
@@ -103,7 +105,7 @@ def _scales(line: dict[str, Any]) -> dict[str, Any]:
 def _difference(ours: Any, theirs: Any, scale: Any = 1.0) -> float:
     a, b = np.atleast_1d(ours), np.atleast_1d(theirs)
     if a.dtype == b.dtype == float and a.shape == b.shape:
-        return float((np.abs(a - b) / scale).max())
+        return float((np.abs(a - b) / scale).max(initial=0.0))
     return 0.0 if ours == theirs else np.inf
 
 
