@@ -17,7 +17,7 @@ def replay(
 
     import cv2
 
-    from cli.console import RECORDING_CUT, check_writable, console, floor_table, score_table, table, write_json
+    from cli.console import RECORDING_CUT, check_writable, floor_table, score_table, table, write_json
     from daemon import replay as replaying
     from daemon.config import load_configuration
     from daemon.pipeline import Pipeline
@@ -57,7 +57,7 @@ def replay(
         facts["floor"] = scores = score_floor(frames, replayed.grounds, opened.poses, opened.calibration, foothold)
         floor_table("Floor against the truth's level ground at z = 0", scores)
     if damage is not None:
-        console.print(f"replayed up to where the recording is damaged: {damage}", style="yellow", soft_wrap=True)
+        typer.echo(f"gaiteyes: replayed up to where the recording is damaged: {damage}", err=True)
     if json is not None:
         write_json(json, facts)
     if damage is not None:
