@@ -4,6 +4,7 @@ A number that is not finite is `null` in JSON and NaN in a struct; no message ha
 mapping is exact in both directions. Keys keep the order of the struct's fields.
 """
 
+import math
 from typing import Any, TypeVar
 
 import msgspec
@@ -83,4 +84,6 @@ def _number_or_null(schema: Any) -> Any:
     if isinstance(schema, dict):
         mapped = {key: _number_or_null(item) for key, item in schema.items()}
         return mapped | {"type": ["number", "null"]} if mapped.get("type") == "number" else mapped
+    if isinstance(schema, float) and not math.isfinite(schema):
+        return None  # a default
     return schema

@@ -22,6 +22,9 @@ from messages import (
     Stamp,
     Status,
     StereoCalibration,
+    Terrain,
+    TerrainEdge,
+    TerrainKind,
 )
 
 NAN = float("nan")
@@ -79,6 +82,21 @@ def motion(**changes: object) -> Motion:
         rate_cov_H=(4e-6, 0.0, 0.0, 4e-6, 0.0, 4e-6),
         distance_var_m2=1e-3,
         ground_moves=False,
+        calibration_id="a3f01234",
+    )
+    return msgspec.structs.replace(valid, **changes)
+
+
+def terrain(**changes: object) -> Terrain:
+    step = TerrainEdge(distance_m=1.1, distance_sd_m=0.01, rise_m=0.17, rise_sd_m=0.003, bound_only=False, yaw_rad=0.02)
+    valid = Terrain(
+        t_exposure_ns=1_000_000_000,
+        frame_seq=3,
+        status=Status.VALID,
+        reason=Reason.NONE,
+        kind=TerrainKind.STEP_UP,
+        probability=0.9,
+        edges=(step,),
         calibration_id="a3f01234",
     )
     return msgspec.structs.replace(valid, **changes)

@@ -11,9 +11,21 @@ from daemon.latency import LatencyLog
 from daemon.outgoing import STALE_NS, Outgoing, withdrawn_if_late
 from daemon.recorder import Recorder, RecordingInfo
 from daemon.stamping import Stamper
-from messages import Attitude, Estimate, FrameHeader, GroundPlane, Motion, Reason, Source, Stamp, Status, capture_ns
+from messages import (
+    Attitude,
+    Estimate,
+    FrameHeader,
+    GroundPlane,
+    Motion,
+    Reason,
+    Source,
+    Stamp,
+    Status,
+    Terrain,
+    capture_ns,
+)
 from messages.codec import decode
-from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion
+from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion, terrain
 
 
 class Listener:
@@ -29,16 +41,17 @@ class Listener:
         self.closed = True
 
 
-@pytest.mark.parametrize("estimate", [ground(), attitude(), motion()])
-def test_what_is_too_old_is_late_and_has_no_numbers(estimate: GroundPlane | Attitude | Motion) -> None:
+@pytest.mark.parametrize("estimate", [ground(), attitude(), motion(), terrain()])
+def test_what_is_too_old_is_late_and_has_no_numbers(estimate: GroundPlane | Attitude | Motion | Terrain) -> None:
     limit_ns = capture_ns(estimate) + STALE_NS
     assert withdrawn_if_late(estimate, limit_ns) is estimate
     late = withdrawn_if_late(estimate, limit_ns + 1)
-    assert isinstance(late, GroundPlane | Attitude | Motion)
+    assert isinstance(late, GroundPlane | Attitude | Motion | Terrain)
     assert (late.status, late.reason) == (Status.INVALID, Reason.LATE)
     assert capture_ns(late) == capture_ns(estimate)
     said = msgspec.structs.asdict(late)
-    for name in ("slope_sagittal_rad", "slope_frontal_rad", "height_m", "distance_m", "distance_var_m2"):
+    assert said.get("edges", ()) == ()
+    for name in ("slope_sagittal_rad", "slope_frontal_rad", "height_m", "distance_m", "distance_var_m2", "probability"):
         assert name not in said or math.isnan(said[name])
     vectors = ("covariance", "q_WB", "w_WB_B_radps", "gyro_bias_B_radps", "rotation_cov_W_rad2")
     for name in (*vectors, "velocity_H_mps", "rate_H_radps", "velocity_cov_H", "rate_cov_H"):

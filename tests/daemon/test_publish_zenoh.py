@@ -26,7 +26,7 @@ from drivers.zenoh.settings import SOCKET, Credentials, ZenohSettings
 from lab.faults.zenoh_bytes import ZenohBytes
 from messages import TOPICS, Calibration, Estimate, GroundPlane, Source, UserError, ZenohHealth
 from messages.codec import decode, published_schemas
-from tests.bench.can_samples import attitude, calibration, ground, health, invalid_ground, motion, stamp
+from tests.bench.can_samples import attitude, calibration, ground, health, invalid_ground, motion, stamp, terrain
 from tests.bench.zenoh_peer import arrival, client, free_endpoint
 
 pytestmark = pytest.mark.realtime
@@ -132,6 +132,7 @@ ESTIMATES: dict[str, Estimate] = {
     "attitude": attitude(),
     "ground": ground(),
     "motion": motion(),
+    "terrain": terrain(),
     "health": health(),
 }
 

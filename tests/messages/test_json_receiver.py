@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages import TOPIC_OF, Attitude, Estimate, GroundPlane, Health, Motion, Refusal, Source, Status
+from messages import TOPIC_OF, Attitude, Estimate, GroundPlane, Health, Motion, Refusal, Source, Status, Terrain
 from messages.codec import encode_line
 from messages.json_receiver import LONGEST_PAYLOAD_BYTES, JsonReceiver, Received
-from tests.bench.can_samples import NAN, attitude, ground, health, invalid_ground, motion, stamp
+from tests.bench.can_samples import NAN, attitude, ground, health, invalid_ground, motion, stamp, terrain
 
 HERE, ELSEWHERE = "this boot", "another machine's boot"
 T0_NS = 50_000_000_000
@@ -169,11 +169,13 @@ def test_a_slow_topic_needs_three_periods_of_silence() -> None:
     assert isinstance(told(13, 0), Received)
 
 
-TIMES = {Attitude: "t_sample_ns", Motion: "t_exposure_ns", Health: "t_ns"}
+TIMES = {Attitude: "t_sample_ns", Motion: "t_exposure_ns", Terrain: "t_exposure_ns", Health: "t_ns"}
 
 
-@pytest.mark.parametrize("sample", [attitude(), motion(), health()], ids=["attitude", "motion", "health"])
-def test_the_other_topics_pass_too(sample: Attitude | Motion | Health) -> None:
+@pytest.mark.parametrize(
+    "sample", [attitude(), motion(), terrain(), health()], ids=["attitude", "motion", "terrain", "health"]
+)
+def test_the_other_topics_pass_too(sample: Attitude | Motion | Terrain | Health) -> None:
     listening: JsonReceiver[Estimate] = JsonReceiver(type(sample), "unit-1", boot_id=HERE)
     t_ns = 5_000_000_000
     sample = msgspec.structs.replace(sample, **{TIMES[type(sample)]: t_ns})
@@ -195,6 +197,15 @@ def test_the_other_topics_pass_too(sample: Attitude | Motion | Health) -> None:
 def test_a_valid_motion_without_a_number_is_refused(missing: dict[str, object]) -> None:
     listening: JsonReceiver[Motion] = JsonReceiver(Motion, "unit-1", boot_id=HERE)
     data = encode_line(TOPIC_OF[Motion], motion(**missing), stamp(boot_id=HERE))
+    t_ns = stamp().t_publish_ns
+    assert listening.feed(data, t_ns, t_ns) is Refusal.NOT_AVAILABLE
+
+
+@pytest.mark.parametrize("missing", [{"distance_m": NAN}, {"rise_m": NAN}, {"rise_sd_m": -1.0}, {"distance_sd_m": NAN}])
+def test_a_valid_terrain_whose_edge_lacks_a_number_is_refused(missing: dict[str, object]) -> None:
+    listening: JsonReceiver[Terrain] = JsonReceiver(Terrain, "unit-1", boot_id=HERE)
+    sample = terrain(edges=(msgspec.structs.replace(terrain().edges[0], **missing),))
+    data = encode_line(TOPIC_OF[Terrain], sample, stamp(boot_id=HERE))
     t_ns = stamp().t_publish_ns
     assert listening.feed(data, t_ns, t_ns) is Refusal.NOT_AVAILABLE
 

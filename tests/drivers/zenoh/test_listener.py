@@ -24,11 +24,12 @@ from messages import (
     Refusal,
     Source,
     Status,
+    Terrain,
     UserError,
 )
 from messages.codec import encode_line
 from messages.json_receiver import LONGEST_PAYLOAD_BYTES, Received
-from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion, stamp
+from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion, stamp, terrain
 from tests.bench.zenoh_peer import PATIENCE_POLLS, POLL_S, free_endpoint
 
 KEY = "gaiteyes/unit-1/ground/v1"
@@ -276,6 +277,7 @@ SAMPLES: dict[type[Estimate], tuple[Estimate, str]] = {
     Attitude: (attitude(), "t_sample_ns"),
     GroundPlane: (ground(), "t_exposure_ns"),
     Motion: (motion(), "t_exposure_ns"),
+    Terrain: (terrain(), "t_exposure_ns"),
     Health: (health(), "t_ns"),
 }
 
