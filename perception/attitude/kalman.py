@@ -164,11 +164,14 @@ class AttitudeKalman:
         return vec3.minus(vec3.minus(w_measured, so3.transform(state.gyro_matrix, w_measured)), state.gyro_bias)
 
     def rotation_cov_W(self, state: AttitudeState) -> FloatArray:
-        """Return the covariance (3, 3), rad², of θ: the tilt's no less than the accelerometer's residual allows, and
-        with what the gyroscope may have done since the camera was lost."""
+        """Return the covariance (3, 3), rad², of θ: the tilt's no less than the accelerometer's residual allows, with
+        what the gyroscope may have done since the camera was lost, and by how much steps of the camera lean that alone
+        hold the vertical on a ground that moves."""
         covariance = np.array(state.covariance[ROTATION, ROTATION])
+        leaning_var = (self.settings.camera.lean_radps * state.ground.moving_s) ** 2
         for axis in (0, 1):
-            covariance[axis, axis] = max(covariance[axis, axis], self._least_tilt_var) + self.unwatched_tilt_var(state)
+            known_var = max(covariance[axis, axis], self._least_tilt_var)
+            covariance[axis, axis] = known_var + self.unwatched_tilt_var(state) + leaning_var
         return covariance
 
     def unwatched_tilt_var(self, state: AttitudeState) -> float:
@@ -369,6 +372,7 @@ class AttitudeKalman:
 
     def _measure(self, state: AttitudeState, dt_s: float) -> None:
         state.without_camera_s += dt_s
+        state.ground.moving_s = state.ground.moving_s + dt_s if state.ground.moves else 0.0
         state.unwatched_s += 0.0 if state.resting or state.levelling is not None else dt_s
         if self.follows_camera(state):
             return

@@ -39,6 +39,8 @@ class CameraStepSettings:
     # A covered camera's wearer still walks out into the cold. The bias may also have jumped, by `gyro_bias_radps`,
     # right after the last step: the tilt is stated the worse, until steps tell.
     covered_bias_walk_radps_rts: float = math.radians(0.1)
+    # By so much a second steps lean over a walk, all one way: measured on the rig's ramps, 0.03 to 0.07 °/s.
+    lean_radps: float = math.radians(0.04)
     # A sum of innovations that fades contradicts beyond `far_sigmas`: the gyroscope's bias has jumped, and with it the
     # tilt; or the ground moves, accelerating so much horizontally, less upwards, or turning, for so long.
     memory_s: float = 1.0
@@ -203,6 +205,7 @@ class GroundMotion:
     velocity_W: Vec3 = vec3.ZERO
     turn_radps: float = 0.0
     calm_s: float = 0.0
+    moving_s: float = 0.0  # how long it has moved
     usual_square: float = 0.0  # of the horizontal acceleration on one axis, (m/s²)²
     extreme_W: Vec3 = vec3.ZERO  # the acceleration farthest in the direction of the last
     reversals: float = 0.0  # how often that has turned round, fading

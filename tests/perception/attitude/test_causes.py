@@ -1,5 +1,6 @@
 """Why steps of the camera contradict: a bias that jumps, a ground that moves, a camera that slips, a wrong scale."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -131,3 +132,14 @@ def test_a_little_acceleration_of_the_ground_is_taken_for_a_tilt_in_the_end(
     assert state.ground.moves is not rests
     tilt_rad = acceleration_mps2 / settings.gravity_mps2 if rests else 0.0
     assert np.sqrt(state.covariance[0, 0]) == pytest.approx(tilt_rad, rel=0.1)
+
+
+def test_the_longer_a_ground_moves_the_wider_the_vertical_is_stated() -> None:
+    settings = AttitudeSettings()
+    kalman = AttitudeKalman(settings, Residual())
+    state = kalman.new_state()
+    at_once_var = kalman.rotation_cov_W(state)[0, 0]
+    state.ground = GroundMotion(moves=True, moving_s=25.0)
+    leaning_rad = 25.0 * settings.camera.lean_radps
+    assert kalman.rotation_cov_W(state)[0, 0] == pytest.approx(at_once_var + leaning_rad**2)
+    assert math.degrees(leaning_rad) == pytest.approx(1.0, abs=0.2)
