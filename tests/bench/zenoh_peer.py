@@ -12,7 +12,7 @@ import zenoh
 
 from drivers.zenoh.settings import SOCKET
 
-PATIENCE_POLLS = 1000
+PATIENCE_POLLS = 3 * 1000
 POLL_S = 0.01
 
 _FOLDER = tempfile.TemporaryDirectory(prefix="gaiteyes-")  # pytest's own paths are too long for sockets
