@@ -54,6 +54,9 @@ START_NS = 5_000_000_000
 
 NO_FRAME_SEQ = -1
 
+PICTURES_WRONG = (Reason.VIEW_DEFORMED, Reason.EYES_SWAPPED)
+"""What the ground finds wrong with the pictures themselves: no estimate of such a frame is valid."""
+
 
 class Pipeline:
     """Attitude from each IMU sample; ground, the wearer's motion and terrain from each frame; health once a second."""
@@ -168,10 +171,11 @@ class Pipeline:
         if step is not None:
             self._attitude.add_camera_step(step, sound=self._motion.reason is Reason.NONE)
         placed = self._placed(frame.header)
-        yield self._ground_of(frame, placed)
+        ground = self._ground_of(frame, placed)
+        yield ground
         yield self._motion_of(frame.header, placed)
         if not self._passes_over:
-            yield self._terrain_of(frame, placed)
+            yield self._terrain_of(frame, placed, ground.reason)
             self._motion.finish_frame()
         if self._contradiction is Reason.NONE and self._attitude.is_confirmed:
             self._attitude.checkpoint()
@@ -219,11 +223,14 @@ class Pipeline:
             return self._odometry.no_motion(header.t_exposure_ns, header.seq, Reason.LOW_TEXTURE)
         return self._odometry.motion(header.t_exposure_ns, header.seq, movement)
 
-    def _terrain_of(self, frame: Frame, placed: AttitudeAt | Reason) -> Terrain:
+    def _terrain_of(self, frame: Frame, placed: AttitudeAt | Reason, no_ground: Reason) -> Terrain:
+        """Return the terrain; why there is `no_ground` holds for it too where the pictures are wrong."""
+        if not isinstance(placed, Reason) and not self._attitude.is_confirmed:
+            placed = Reason.UNCONFIRMED
+        elif not isinstance(placed, Reason) and no_ground in PICTURES_WRONG:
+            placed = no_ground
         if isinstance(placed, Reason):
             return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, placed)
-        if not self._attitude.is_confirmed:
-            return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.UNCONFIRMED)
         return self._terrain.estimate(
             frame,
             placed.R_WB,

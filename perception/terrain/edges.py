@@ -52,7 +52,7 @@ def _edge(before: Surface, after: Surface, points: PathPoints, yaw_rad: float) -
 
 def _rising(before: Surface, after: Surface, points: PathPoints, yaw_rad: float) -> Edge | None:
     """Return the edge whose face lies between two surfaces."""
-    u_m = points.x_m + points.y_m * np.tan(yaw_rad)
+    u_m = points.along(yaw_rad)
     foot_m, top_m = before.at(before.to_m), after.at(after.from_m)
     middle = (points.z_m > foot_m + 0.25 * (top_m - foot_m)) & (points.z_m < foot_m + 0.75 * (top_m - foot_m))
     face = middle & (u_m > before.to_m - _FACE_REACH_M) & (u_m < after.from_m + _FACE_REACH_M)
@@ -64,7 +64,7 @@ def _rising(before: Surface, after: Surface, points: PathPoints, yaw_rad: float)
 
 def _falling(before: Surface, after: Surface, points: PathPoints, yaw_rad: float) -> Edge | None:
     """Return the edge at the end of a surface beyond which the ground is lower."""
-    u_m = points.x_m + points.y_m * np.tan(yaw_rad)
+    u_m = points.along(yaw_rad)
     upper = (np.abs(u_m - before.to_m) < _LIP_REACH_M) & (
         np.abs(points.z_m - before.height_m - before.slope * (u_m - before.middle_m)) < _LIP_HEIGHT_M
     )
@@ -77,9 +77,9 @@ def _falling(before: Surface, after: Surface, points: PathPoints, yaw_rad: float
     if after.from_m > lip_m * -after.at(after.from_m) / height_m + _FROM_SHADOW_M:  # (1)
         return None
     edge, hidden_m = _between(before, after, line, lip_m), after.from_m - lip_m
-    if hidden_m < LEAST_TREAD_M and after.length_m >= LEAST_SEEN_M:
+    if hidden_m < LEAST_TREAD_M:
         return edge
-    at_least_m = height_m * min(hidden_m - LEAST_SEEN_M, LEAST_TREAD_M) / lip_m  # (1)
+    at_least_m = height_m * min(hidden_m - _DOUBTFUL_M, LEAST_TREAD_M) / lip_m  # (1)
     return replace(edge, rise_m=-at_least_m, rise_sd_m=before.sd_at(lip_m), bound_only=True)
 
 
@@ -140,7 +140,7 @@ def _farthest_across(x_m: FloatArray, y_m: FloatArray) -> _Across | None:
 
 LEAST_RISE_M = 0.04
 LEAST_TREAD_M = 0.22
-LEAST_SEEN_M = 0.06
+_DOUBTFUL_M = 0.06  # of what seems hidden: the first bins behind a lip may be seen and not match
 _FACE_REACH_M = 0.06
 _LIP_REACH_M = 0.08
 _LIP_HEIGHT_M = 0.02

@@ -81,9 +81,9 @@ class TerrainEstimator:
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
         edges = self._memory.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, found, surfaces)
         self._follow_height(surfaces)
-        kind, probability = kind_of(surfaces, edges, self._rough_m)
         if not surfaces:
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.LOW_TEXTURE)
+        kind, probability = kind_of(surfaces, edges, self._rough_m)
         return Terrain(
             t_exposure_ns=frame.header.t_exposure_ns,
             frame_seq=frame.header.seq,

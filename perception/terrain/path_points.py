@@ -42,6 +42,11 @@ class PathPoints:
     area_m2: FloatArray
     along_m: FloatArray
 
+    def along(self, yaw_rad: float) -> FloatArray:
+        """Return u = x + y tan(yaw) (n,): where each point lies along the path before an edge of that yaw."""
+        along: FloatArray = self.x_m + self.y_m * np.tan(yaw_rad)
+        return along
+
     def where(self, chosen: BoolArray) -> "PathPoints":
         """Return some of the points."""
         arrays = (self.x_m, self.y_m, self.z_m, self.deviation_m, self.area_m2, self.along_m)

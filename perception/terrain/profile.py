@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from messages.arrays import BoolArray, FloatArray
+from messages.arrays import BoolArray, FloatArray, IntArray
 from perception.terrain.path_points import PathPoints
 
 BIN_M = 0.02
@@ -35,8 +35,7 @@ class Profile:
 
 def profile_of(points: PathPoints, yaw_rad: float, width_m: float) -> Profile:
     """Return the profile of `points` along u = x + y tan(yaw), on a path of `width_m`."""
-    u_m = points.x_m + points.y_m * np.tan(yaw_rad)
-    place = np.floor((u_m - FIRST_M) / BIN_M).astype(np.intp)
+    place = _places(points, yaw_rad)
     inside = (place >= 0) & (place < BINS)
     place, z_m = place[inside], points.z_m[inside]
     order = np.lexsort((z_m, place))
@@ -68,7 +67,7 @@ def roughness_m(points: PathPoints, profile: Profile, yaw_rad: float) -> float:
     What `points` within ROUGH_FROM_M to ROUGH_TO_M are off the median of their bin. Steps and ramps vary along the path
     alone.
     """
-    place = np.floor((points.x_m + points.y_m * np.tan(yaw_rad) - FIRST_M) / BIN_M).astype(np.intp)
+    place = _places(points, yaw_rad)
     some = (points.x_m > ROUGH_FROM_M) & (points.x_m < ROUGH_TO_M) & (place >= 0) & (place < BINS)
     place, y_m = place[some], points.y_m[some]
     off_m = points.z_m[some] - profile.height_m[place]
@@ -79,8 +78,14 @@ def roughness_m(points: PathPoints, profile: Profile, yaw_rad: float) -> float:
     slope = 0.0
     for _ in range(3):
         near = np.abs(off_m - slope * y_m) < _NEAR_M
-        slope = float(off_m[near] @ y_m[near] / max(y_m[near] @ y_m[near], _TINY))
+        slope = float(off_m[near] @ y_m[near]) / max(float(y_m[near] @ y_m[near]), _TINY)
     return float(1.4826 * np.median(np.abs(off_m - slope * y_m)))
+
+
+def _places(points: PathPoints, yaw_rad: float) -> IntArray:
+    """Return in which bin along u each point lies, (n,); outside 0 to BINS in none."""
+    places: IntArray = np.floor((points.along(yaw_rad) - FIRST_M) / BIN_M).astype(np.int64)
+    return places
 
 
 ROUGH_FROM_M, ROUGH_TO_M = 0.3, 1.3

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from messages.arrays import FloatArray
+from messages.arrays import FloatArray, IntArray
 from perception.terrain.profile import BIN_M, BINS, FIRST_M, Profile
 
 
@@ -39,11 +39,6 @@ class Surface:
     def sd_at(self, u_m: float) -> float:
         """Return one σ of z there."""
         return float(np.hypot(self.height_sd_m, self.slope_sd * (u_m - self.middle_m)))
-
-    @property
-    def length_m(self) -> float:
-        """Return how far it reaches along u."""
-        return self.to_m - self.from_m
 
 
 def find_surfaces(profile: Profile) -> list[Surface]:
@@ -89,11 +84,9 @@ class _Fits:
         self._uu = np.maximum(wuu - wu * self._u_mean, 0.0) + _SLOPE_SIGMA**-2
         self._slope = (wuz - wu * self._z_mean) / self._uu
         self.cost = np.maximum(wzz - wz * self._z_mean - self._slope**2 * self._uu, 0.0)
-        self.cost[np.abs(self._slope) > STEEPEST] = (
-            np.inf
-        )  # of what nobody walks on, such as a line over the nosings of stairs
+        self.cost[np.abs(self._slope) > STEEPEST] = np.inf  # nobody walks on a line over the nosings of stairs
 
-    def surface(self, i: int, j: int, bins: np.ndarray) -> Surface:
+    def surface(self, i: int, j: int, bins: IntArray) -> Surface:
         """Return the line through [i, j), of which `bins` are even."""
         middle_m, slope, height_m = (float(each[i, j]) for each in (self._u_mean, self._slope, self._z_mean))
         # neighbouring bins err alike: the matcher's offset changes over several of them
@@ -110,6 +103,7 @@ class _Fits:
 
 
 STEEPEST = 0.36
+"""tan 20°: what is steeper is no ground."""
 _PENALTY = 40.0
 _LEFT_OUT = 12.0
 _LEAST_BINS = 4

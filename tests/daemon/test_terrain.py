@@ -1,0 +1,62 @@
+"""Rendered walks through the whole pipeline: the terrain that is told of them, against the truth."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from daemon.pipeline import Pipeline
+from lab.faults import deformed_view
+from messages import GroundPlane, Reason, Status, StereoFrame, Terrain, TerrainKind
+from perception.ground.foothold import FootholdSettings
+from sim_rig.walk.scenario import scenario
+from sim_rig.walk.terrain_walks import terrain_walk
+from sim_rig.wearer import SimulatedWearer
+
+START_NS = 10_000_000_000
+
+
+def test_no_terrain_of_a_deformed_view_is_valid() -> None:
+    wearer, onset_ns = SimulatedWearer(2, scenario("level"), START_NS), 12_600_000_000
+    change = deformed_view.warped(deformed_view.drop(np.random.default_rng(5)).of_size(3.0), left=False)
+    pipeline, reasons = Pipeline(wearer.calibration, FootholdSettings()), dict[int, Reason]()
+    refused = 0
+    for message in wearer.offline_inputs(3.2):
+        if isinstance(message, StereoFrame) and message.header.t_exposure_ns >= onset_ns:
+            left, right = change((message.left, message.right))
+            message = msgspec.structs.replace(message, left=left, right=right)
+        for told in pipeline.step(message):
+            if isinstance(told, GroundPlane):
+                reasons[told.t_exposure_ns] = told.reason
+            elif isinstance(told, Terrain) and reasons[told.t_exposure_ns] is Reason.VIEW_DEFORMED:
+                assert (told.status, told.reason) == (Status.INVALID, Reason.VIEW_DEFORMED)
+                refused += 1
+    assert refused > 3
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("seed", "kind"), [(1, TerrainKind.STAIRS_UP), (12, TerrainKind.STAIRS_DOWN)], ids=["below stairs", "above stairs"]
+)
+def test_edges_before_a_flight_are_told_where_they_are(seed: int, kind: TerrainKind) -> None:
+    walk = terrain_walk(seed)
+    wearer = SimulatedWearer(seed, walk.scenario, START_NS)
+    pipeline, checked, kinds = Pipeline(wearer.calibration, FootholdSettings()), 0, list[TerrainKind]()
+    for message in wearer.offline_inputs(3.5):
+        for told in pipeline.step(message):
+            if not isinstance(told, Terrain) or told.t_exposure_ns < START_NS + 2_000_000_000:
+                continue
+            assert told.status is Status.VALID
+            kinds.append(told.kind)
+            for edge in told.edges:
+                true = min(wearer.terrain(told.t_exposure_ns).edges, key=lambda e: abs(e.distance_m - edge.distance_m))
+                assert edge.distance_m == pytest.approx(true.distance_m, abs=0.05)
+                assert math.copysign(1.0, edge.rise_m) == math.copysign(1.0, true.rise_m)
+                if edge.bound_only:
+                    assert true.rise_m <= edge.rise_m + 0.01
+                else:
+                    assert edge.rise_m == pytest.approx(true.rise_m, abs=0.03)
+                checked += 1
+    assert checked > 20
+    assert max(set(kinds), key=kinds.count) is kind
