@@ -127,11 +127,19 @@ def withdrawn_if_late(estimate: Estimate, now_ns: int) -> Estimate:
         return Attitude.invalid(
             t_sample_ns=estimate.t_sample_ns, reason=Reason.LATE, calibration_id=estimate.calibration_id
         )
-    if isinstance(estimate, Motion | Terrain):
-        return type(estimate).invalid(
+    if isinstance(estimate, Motion):
+        return Motion.invalid(
             t_exposure_ns=estimate.t_exposure_ns,
             frame_seq=estimate.frame_seq,
             reason=Reason.LATE,
+            calibration_id=estimate.calibration_id,
+        )
+    if isinstance(estimate, Terrain):
+        return Terrain.invalid(
+            t_exposure_ns=estimate.t_exposure_ns,
+            frame_seq=estimate.frame_seq,
+            reason=Reason.LATE,
+            side=estimate.foothold.side,
             calibration_id=estimate.calibration_id,
         )
     return GroundPlane.invalid(

@@ -73,7 +73,9 @@ class Pipeline:
         self._frame_guard = FrameGuard()
         self._motion = MotionWatch(calibration)
         self._odometry = Odometry(calibration, self._ground.R_BC)
-        self._terrain = TerrainEstimator(calibration, self._ground.camera, self._ground.R_BC, foothold.nominal_height_m)
+        self._terrain = TerrainEstimator(
+            calibration, self._ground.camera, self._ground.R_BC, foothold.nominal_height_m, foothold.side
+        )
         self._waiting: Frame | None = None
         self._imu_arrival_ns: int | None = None
         self._newest_sample_ns: int | None = None

@@ -26,7 +26,8 @@ SECTIONS = {
         "quantity_text", "write_report",
     ],
     "Messages out of the pipeline": [
-        "Estimate", "GroundPlane", "Attitude", "Motion", "Terrain", "TerrainEdge", "TerrainKind",
+        "Estimate", "GroundPlane", "Attitude", "Motion", "Terrain", "TerrainEdge", "TerrainObstacle",
+        "TerrainKind", "NextFoothold", "Side",
         "Health", "Status", "Reason", "Stamp", "Source", "Covariance3",
         "Quaternion",
     ],

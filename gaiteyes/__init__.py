@@ -61,12 +61,14 @@ if TYPE_CHECKING:
     from messages import LoadLevel as LoadLevel
     from messages import Matrix3 as Matrix3
     from messages import Motion as Motion
+    from messages import NextFoothold as NextFoothold
     from messages import Pose as Pose
     from messages import Quaternion as Quaternion
     from messages import Reason as Reason
     from messages import Reconfigured as Reconfigured
     from messages import Refusal as Refusal
     from messages import Residual as Residual
+    from messages import Side as Side
     from messages import Source as Source
     from messages import Stamp as Stamp
     from messages import Status as Status
@@ -75,6 +77,7 @@ if TYPE_CHECKING:
     from messages import Terrain as Terrain
     from messages import TerrainEdge as TerrainEdge
     from messages import TerrainKind as TerrainKind
+    from messages import TerrainObstacle as TerrainObstacle
     from messages import Tick as Tick
     from messages import UnitCalibration as UnitCalibration
     from messages import UserError as UserError
@@ -149,10 +152,12 @@ _HOMES = {
     "LoadLevel": "messages",
     "Matrix3": "messages",
     "Motion": "messages",
+    "NextFoothold": "messages",
     "Pose": "messages",
     "Quaternion": "messages",
     "Reason": "messages",
     "Reconfigured": "messages",
+    "Side": "messages",
     "Refusal": "messages",
     "Residual": "messages",
     "Source": "messages",
@@ -163,6 +168,7 @@ _HOMES = {
     "Terrain": "messages",
     "TerrainEdge": "messages",
     "TerrainKind": "messages",
+    "TerrainObstacle": "messages",
     "Tick": "messages",
     "UnitCalibration": "messages",
     "UserError": "messages",

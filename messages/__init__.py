@@ -60,7 +60,7 @@ from messages.inputs import (
 from messages.learnt import BiasAtTemperature, DepthScale, Learnt
 from messages.reasons import Reason, Status
 from messages.refusal import Refusal
-from messages.terrain import Terrain, TerrainEdge, TerrainKind
+from messages.terrain import NextFoothold, Side, Terrain, TerrainEdge, TerrainKind, TerrainObstacle
 from messages.topics import TOPIC_OF, TOPICS, DropRule, Topic
 
 __all__ = [
@@ -103,6 +103,7 @@ __all__ = [
     "LoadLevel",
     "Matrix3",
     "Motion",
+    "NextFoothold",
     "Pose",
     "Quaternion",
     "Reason",
@@ -111,6 +112,7 @@ __all__ = [
     "Refusal",
     "Residual",
     "ServiceError",
+    "Side",
     "Source",
     "Stamp",
     "Status",
@@ -119,6 +121,7 @@ __all__ = [
     "Terrain",
     "TerrainEdge",
     "TerrainKind",
+    "TerrainObstacle",
     "Tick",
     "Topic",
     "UnitCalibration",

@@ -161,8 +161,13 @@ def _is_complete(message: Estimate) -> bool:
         numbers = (*message.velocity_H_mps, *message.rate_H_radps, message.distance_m)
     elif isinstance(message, Terrain):
         covariances = tuple((edge.distance_sd_m, 0.0, 0.0, edge.rise_sd_m, 0.0, 0.0) for edge in message.edges)
-        told = ((edge.distance_m, edge.rise_m, edge.yaw_rad) for edge in message.edges)
+        told = [(edge.distance_m, edge.rise_m, edge.yaw_rad) for edge in message.edges]
+        told += [(thing.distance_m, thing.left_m, thing.height_m) for thing in message.obstacles]
         numbers = (message.probability, *itertools.chain.from_iterable(told))
+        foothold = msgspec.structs.astuple(message.foothold)[1:]
+        if not all(math.isnan(number) for number in foothold):
+            numbers += foothold
+            covariances += tuple((deviation, 0.0, 0.0, 0.0, 0.0, 0.0) for deviation in foothold[1::2])
     else:
         return True
     if message.status is not Status.VALID:

@@ -5,12 +5,13 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
+from messages import Side
 from messages.arrays import BoolArray, FloatArray
 from perception.ground.plane import Plane
 
 
 class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """The rectangle of ground that is measured, and how far up or down it may lie.
+    """The rectangle of ground that is measured, and how far up or down it may lie; `side` is that of the prosthesis.
 
     The region is centred `ahead_m` along x of H and on the wearer's midline. While no plane is known the ground is
     looked for `nominal_height_m` below the camera, give or take `height_margin_m`, and in every second frame elsewhere
@@ -18,6 +19,7 @@ class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True):
     kerb 0.25 m).
     """
 
+    side: Side = Side.RIGHT
     ahead_m: Annotated[float, msgspec.Meta(ge=0.2, le=4.0)] = 0.7
     half_length_m: Annotated[float, msgspec.Meta(ge=0.1, le=2.0)] = 0.3
     half_width_m: Annotated[float, msgspec.Meta(ge=0.1, le=2.0)] = 0.3

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from messages import Frame, Reason, Status, Terrain, TerrainEdge, UnitCalibration, Vec3
+from messages import Frame, NextFoothold, Reason, Side, Status, Terrain, TerrainEdge, UnitCalibration, Vec3
 from messages.arrays import FloatArray
 from perception import so3
 from perception.depth.disparity import DisparityCamera
@@ -21,7 +21,7 @@ class TerrainEstimator:
     """Finds surfaces and edges frame by frame and remembers the edges while the wearer walks over them.
 
     `R_BC` (3, 3) takes vectors of `camera` to B; `nominal_height_m` is how high it is taken to be before ground is
-    seen.
+    seen; `side` is that of the prosthesis.
     """
 
     def __init__(
@@ -30,6 +30,7 @@ class TerrainEstimator:
         camera: DisparityCamera,
         R_BC: FloatArray,
         nominal_height_m: float,
+        side: Side,
         path: PathSettings | None = None,
     ) -> None:
         self._calibration_id = calibration.id
@@ -39,6 +40,7 @@ class TerrainEstimator:
         self._path = path or PathSettings()
         self._memory = EdgeMemory()
         self._height_m = nominal_height_m
+        self._side = side
         self._rough_m = 0.0
 
     def estimate(
@@ -92,13 +94,19 @@ class TerrainEstimator:
             kind=kind,
             probability=probability,
             edges=tuple(_told(edge, 1.0 + distance_scale) for edge in edges),
+            obstacles=(),
+            foothold=NextFoothold.unknown(self._side),
             calibration_id=self._calibration_id,
         )
 
     def no_terrain(self, t_exposure_ns: int, frame_seq: int, reason: Reason) -> Terrain:
         """Return the estimate that says only why there is none."""
         return Terrain.invalid(
-            t_exposure_ns=t_exposure_ns, frame_seq=frame_seq, reason=reason, calibration_id=self._calibration_id
+            t_exposure_ns=t_exposure_ns,
+            frame_seq=frame_seq,
+            reason=reason,
+            side=self._side,
+            calibration_id=self._calibration_id,
         )
 
     def _follow_roughness(self, rough_m: float) -> None:

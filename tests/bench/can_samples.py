@@ -14,10 +14,12 @@ from messages import (
     Load,
     Matrix3,
     Motion,
+    NextFoothold,
     Pose,
     Reason,
     RecordingState,
     Residual,
+    Side,
     Source,
     Stamp,
     Status,
@@ -25,6 +27,7 @@ from messages import (
     Terrain,
     TerrainEdge,
     TerrainKind,
+    TerrainObstacle,
 )
 
 NAN = float("nan")
@@ -89,6 +92,24 @@ def motion(**changes: object) -> Motion:
 
 def terrain(**changes: object) -> Terrain:
     step = TerrainEdge(distance_m=1.1, distance_sd_m=0.01, rise_m=0.17, rise_sd_m=0.003, bound_only=False, yaw_rad=0.02)
+    post = TerrainObstacle(distance_m=0.8, left_m=-0.2, height_m=0.5)
+    foothold = NextFoothold(
+        side=Side.RIGHT,
+        ahead_m=0.62,
+        ahead_sd_m=0.03,
+        left_m=-0.09,
+        left_sd_m=0.02,
+        slope_sagittal_rad=0.01,
+        slope_sagittal_sd_rad=0.004,
+        slope_frontal_rad=-0.01,
+        slope_frontal_sd_rad=0.005,
+        height_m=0.95,
+        height_sd_m=0.004,
+        rise_m=0.0,
+        rise_sd_m=0.005,
+        time_to_contact_s=0.3,
+        time_to_contact_sd_s=0.02,
+    )
     valid = Terrain(
         t_exposure_ns=1_000_000_000,
         frame_seq=3,
@@ -97,6 +118,8 @@ def terrain(**changes: object) -> Terrain:
         kind=TerrainKind.STEP_UP,
         probability=0.9,
         edges=(step,),
+        obstacles=(post,),
+        foothold=foothold,
         calibration_id="a3f01234",
     )
     return msgspec.structs.replace(valid, **changes)

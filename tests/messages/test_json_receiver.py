@@ -8,7 +8,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages import TOPIC_OF, Attitude, Estimate, GroundPlane, Health, Motion, Refusal, Source, Status, Terrain
+from messages import (
+    TOPIC_OF,
+    Attitude,
+    Estimate,
+    GroundPlane,
+    Health,
+    Motion,
+    NextFoothold,
+    Refusal,
+    Side,
+    Source,
+    Status,
+    Terrain,
+)
 from messages.codec import encode_line
 from messages.json_receiver import LONGEST_PAYLOAD_BYTES, JsonReceiver, Received
 from tests.bench.can_samples import NAN, attitude, ground, health, invalid_ground, motion, stamp, terrain
@@ -205,6 +218,32 @@ def test_a_valid_motion_without_a_number_is_refused(missing: dict[str, object]) 
 def test_a_valid_terrain_whose_edge_lacks_a_number_is_refused(missing: dict[str, object]) -> None:
     listening: JsonReceiver[Terrain] = JsonReceiver(Terrain, "unit-1", boot_id=HERE)
     sample = terrain(edges=(msgspec.structs.replace(terrain().edges[0], **missing),))
+    data = encode_line(TOPIC_OF[Terrain], sample, stamp(boot_id=HERE))
+    t_ns = stamp().t_publish_ns
+    assert listening.feed(data, t_ns, t_ns) is Refusal.NOT_AVAILABLE
+
+
+@pytest.mark.parametrize("missing", [{"height_m": NAN}, {"rise_sd_m": -1.0}, {"time_to_contact_sd_s": NAN}])
+def test_a_valid_terrain_whose_foothold_lacks_a_number_is_refused(missing: dict[str, object]) -> None:
+    listening: JsonReceiver[Terrain] = JsonReceiver(Terrain, "unit-1", boot_id=HERE)
+    sample = terrain(foothold=msgspec.structs.replace(terrain().foothold, **missing))
+    data = encode_line(TOPIC_OF[Terrain], sample, stamp(boot_id=HERE))
+    t_ns = stamp().t_publish_ns
+    assert listening.feed(data, t_ns, t_ns) is Refusal.NOT_AVAILABLE
+
+
+def test_a_valid_terrain_may_know_no_foothold() -> None:
+    listening: JsonReceiver[Terrain] = JsonReceiver(Terrain, "unit-1", boot_id=HERE)
+    data = encode_line(TOPIC_OF[Terrain], terrain(foothold=NextFoothold.unknown(Side.LEFT)), stamp(boot_id=HERE))
+    t_ns = stamp().t_publish_ns
+    received = listening.feed(data, t_ns, t_ns)
+    assert isinstance(received, Received)
+    assert received.message.foothold.side is Side.LEFT
+
+
+def test_a_valid_terrain_whose_obstacle_lacks_a_number_is_refused() -> None:
+    listening: JsonReceiver[Terrain] = JsonReceiver(Terrain, "unit-1", boot_id=HERE)
+    sample = terrain(obstacles=(msgspec.structs.replace(terrain().obstacles[0], height_m=NAN),))
     data = encode_line(TOPIC_OF[Terrain], sample, stamp(boot_id=HERE))
     t_ns = stamp().t_publish_ns
     assert listening.feed(data, t_ns, t_ns) is Refusal.NOT_AVAILABLE
