@@ -79,7 +79,10 @@ def measure_step(
         likely = H @ state.covariance @ H.T + noise
         by_part = squares_by_part(innovation, likely)
     if believed and squares(innovation, likely) <= settings.refused_sigmas**2:
-        fuse(state, H, innovation, _robust(noise, by_part, settings))
+        noise = _robust(noise, by_part, settings)
+        if state.ground.moves:  # an error correlated over τ counts as white noise of the density 2 σ² τ
+            noise[:3, :3] += np.eye(3) * 2.0 * settings.lean_radps**2 * settings.lean_time_s * step.duration_s
+        fuse(state, H, innovation, noise)
         state.without_camera_s = state.unwatched_s = 0.0
     follow_ground(kalman, state, step.duration_s)
     turned_W = so3.transform(so3.rows_from_quaternion(state.q_WB), step.turn_B)

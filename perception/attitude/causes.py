@@ -14,10 +14,12 @@ import math
 
 import numpy as np
 
+from messages import vec3 as to_vec3
 from messages.arrays import FloatArray
-from perception import vec3
-from perception.attitude.error_state import GROUND, GROUND_TURN, GYRO_BIAS, MOUNT, ROTATION, SCALE, VELOCITY
-from perception.attitude.kalman import AttitudeKalman, ground_var
+from perception import so3, vec3
+from perception.attitude.accelerometer import CROSS_UP
+from perception.attitude.error_state import GROUND, GROUND_TURN, GYRO_BIAS, MOUNT, ROTATION, SCALE, SF_BIAS, VELOCITY
+from perception.attitude.kalman import AttitudeKalman, fuse, ground_var
 from perception.attitude.state import AttitudeState, CameraStepSettings, Contradiction, Contradictions, GroundMotion
 
 
@@ -97,6 +99,7 @@ def _doubt_ground(state: AttitudeState, settings: CameraStepSettings) -> None:
     P[GROUND, GROUND] += ground_var(ground.usual_square)
     P[VELOCITY, VELOCITY] += np.eye(3) * settings.ground_jump_mps**2
     P[ROTATION, ROTATION] += np.diag((1.0, 1.0, 0.0)) * settings.jump_tilt_rad**2
+    P[GYRO_BIAS, GYRO_BIAS] += np.eye(3) * settings.ground_jump_radps**2
     if not ground.moves:
         ground.moves, ground.frozen_scale_var = True, float(P[SCALE, SCALE][0, 0])
         P[SCALE, :] = P[:, SCALE] = 0.0
@@ -113,16 +116,40 @@ def follow_ground(kalman: AttitudeKalman, state: AttitudeState, duration_s: floa
     calm = math.hypot(*ground.acceleration_W) < settings.ground_at_rest_mps2
     calm = calm and abs(ground.turn_radps) < settings.ground_at_rest_radps
     ground.calm_s = ground.calm_s + duration_s if calm else 0.0
-    if ground.calm_s > settings.ground_at_rest_s:
-        # what was taken for a little acceleration may all along have been a tilt
-        x, y, _ = ground.acceleration_W
-        tilt_var = (x**2 + y**2) / kalman.settings.gravity_mps2**2
-        state.covariance[ROTATION, ROTATION] += tilt_var * np.diag((1.0, 1.0, 0.0))
-        state.ground = GroundMotion()
-        state.covariance[SCALE, SCALE] = ground.frozen_scale_var
-        for part in (GROUND, GROUND_TURN):
-            state.covariance[part, :] = state.covariance[:, part] = 0.0
-        state.contradictions = Contradictions()
+    if ground.calm_s > settings.ground_at_rest_s or _is_bias(state, duration_s, settings):
+        _rest_ground(kalman, state)
+
+
+def _is_bias(state: AttitudeState, duration_s: float, settings: CameraStepSettings) -> bool:
+    """Return whether the ground's acceleration has been the same in B for longer, and up to a higher speed, than any
+    vehicle's: the accelerometer's bias has jumped."""
+    ground, R_WB = state.ground, so3.matrix_from_quaternion(state.q_WB)
+    gain = min(1.0, duration_s / settings.ground_smoothing_s)
+    ground.smooth_B = vec3.between(ground.smooth_B, to_vec3(R_WB.T @ ground.acceleration_W), gain)
+    ground.steady_s += duration_s
+    if math.dist(ground.smooth_B, ground.steady_B) > settings.ground_steady_mps2:
+        ground.steady_B, ground.steady_s = ground.smooth_B, 0.0
+    speed_mps = math.hypot(*ground.smooth_B) * ground.steady_s
+    return ground.steady_s > settings.ground_steady_s and speed_mps > settings.ground_steady_mps
+
+
+def _rest_ground(kalman: AttitudeKalman, state: AttitudeState) -> None:
+    """Let the ground be at rest: what was taken for its acceleration c was the accelerometer's bias, as large as that
+    may be, and the tilt that steps of the camera have leaned by. By (3) δc = g θ × e_z − R_WB δa."""
+    settings, ground, P = kalman.settings, state.ground, state.covariance
+    bias_mps2, leaning_rad = math.hypot(*ground.acceleration_W), settings.camera.lean_radps * ground.moving_s
+    possible = np.zeros((len(P), 6))
+    possible[SF_BIAS, :3] = bias_mps2 * np.eye(3)
+    possible[GROUND, :3] = -bias_mps2 * so3.matrix_from_quaternion(state.q_WB)
+    possible[ROTATION, 3:] = leaning_rad * np.diag((1.0, 1.0, 0.0))
+    possible[GROUND, 3:] = settings.gravity_mps2 * leaning_rad * CROSS_UP
+    state.covariance = P + possible @ possible.T
+    at_rest = np.eye(len(P))[GROUND]
+    fuse(state, at_rest, -np.array(ground.acceleration_W), settings.camera.ground_rest_mps2**2 * np.eye(3))
+    state.covariance[SCALE, SCALE] = ground.frozen_scale_var
+    for part in (GROUND, GROUND_TURN):
+        state.covariance[part, :] = state.covariance[:, part] = 0.0
+    state.ground, state.contradictions = GroundMotion(), Contradictions()
 
 
 def _count_reversals(ground: GroundMotion, duration_s: float, settings: CameraStepSettings) -> None:

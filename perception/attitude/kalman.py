@@ -344,7 +344,9 @@ class AttitudeKalman:
         noise[VELOCITY] += step.velocity_var
         noise[DRIFT] += (1.0 - kept**2) * drift_mps**2
         if self.follows_camera(state):
-            noise[GYRO_BIAS] += settings.camera.bias_walk_radps_rts**2 * step.elapsed_s
+            by_camera = settings.camera
+            walk = by_camera.ground_bias_walk_radps_rts if state.ground.moves else by_camera.bias_walk_radps_rts
+            noise[GYRO_BIAS] += walk**2 * step.elapsed_s
         elif self.has_lost_camera(state):
             noise[GYRO_BIAS] += settings.camera.covered_bias_walk_radps_rts**2 * step.elapsed_s
         if state.ground.moves:

@@ -39,8 +39,11 @@ class CameraStepSettings:
     # A covered camera's wearer still walks out into the cold. The bias may also have jumped, by `gyro_bias_radps`,
     # right after the last step: the tilt is stated the worse, until steps tell.
     covered_bias_walk_radps_rts: float = math.radians(0.1)
-    # By so much a second steps lean over a walk, all one way: measured on the rig's ramps, 0.03 to 0.07 °/s.
+    # By so much a second steps lean over a walk, for so long all one way: measured on the rig's ramps, 0.03 to
+    # 0.07 °/s. Where the ground moves nothing else holds the vertical: the gyroscope's bias then follows slowly.
     lean_radps: float = math.radians(0.04)
+    lean_time_s: float = 4.0
+    ground_bias_walk_radps_rts: float = math.radians(0.02)
     # A sum of innovations that fades contradicts beyond `far_sigmas`: the gyroscope's bias has jumped, and with it the
     # tilt; or the ground moves, accelerating so much horizontally, less upwards, or turning, for so long.
     memory_s: float = 1.0
@@ -53,11 +56,19 @@ class CameraStepSettings:
     least_ground_turn_radps: float = math.radians(3.0)  # less is the gyroscope's bias
     ground_average_s: float = 10.0  # over which less, down to `ground_least_mps2`, becomes usual
     ground_least_mps2: float = 0.3
-    ground_jump_mps: float = 0.2  # of velocity, until that was found
+    ground_jump_mps: float = 0.2  # of velocity, and
+    ground_jump_radps: float = math.radians(0.2)  # of the gyroscope's bias, until that was found
     # It is at rest again once it has moved less than this for so long.
     ground_at_rest_mps2: float = 0.18
     ground_at_rest_radps: float = math.radians(1.0)
     ground_at_rest_s: float = 3.0
+    # It was the accelerometer's bias that jumped where that has, smoothed so long, stayed as near to one value in B for
+    # so long as no vehicle's does, and would have led to such a speed. What is at rest accelerates less than the last.
+    ground_smoothing_s: float = 1.0
+    ground_steady_mps2: float = 0.35
+    ground_steady_s: float = 20.0
+    ground_steady_mps: float = 8.0
+    ground_rest_mps2: float = 0.02
     # No ground accelerates, or has by then become, as fast as this along the axes of W: the accelerometer is wrong.
     # Nor does any turn its acceleration round, by more than so much, more often than so within about so long.
     reversal_mps2: float = 0.3
@@ -210,6 +221,9 @@ class GroundMotion:
     extreme_W: Vec3 = vec3.ZERO  # the acceleration farthest in the direction of the last
     reversals: float = 0.0  # how often that has turned round, fading
     goes_to_and_fro: bool = False  # too often for any ground
+    smooth_B: Vec3 = vec3.ZERO  # the acceleration in B, smoothed,
+    steady_B: Vec3 = vec3.ZERO  # near which it has been
+    steady_s: float = 0.0  # for so long
     frozen_scale_var: float = 0.0  # variance of the scale of distances, which stays as it is meanwhile
 
 

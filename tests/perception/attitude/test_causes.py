@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from messages import Reason, Residual, vec3
+from perception import so3
 from perception.attitude.causes import follow_ground
 from perception.attitude.kalman import AttitudeKalman
-from perception.attitude.state import AttitudeSettings, GroundMotion
+from perception.attitude.state import AttitudeSettings, AttitudeState, GroundMotion
 from perception.motion.ego_motion import EgoMotion
 from tests.bench.seen_motion import R_BC, WALKING_NS, SampleAt, gait
 from tests.bench.told_track import Alter, Followed, follow
@@ -119,19 +120,52 @@ def test_an_accelerometer_that_drives_as_no_ground_does_is_wrong() -> None:
     assert followed[-1].reason is Reason.IMU_INCONSISTENT
 
 
+def moving(acceleration_W: tuple[float, float, float], moving_s: float = 0.0) -> tuple[AttitudeKalman, AttitudeState]:
+    """Return a filter that holds the ground to accelerate so, for so long already."""
+    kalman = AttitudeKalman(AttitudeSettings(), Residual())
+    state = kalman.new_state()
+    state.q_WB = so3.IDENTITY
+    state.ground = GroundMotion(moves=True, acceleration_W=acceleration_W, moving_s=moving_s)
+    return kalman, state
+
+
 @pytest.mark.parametrize(("acceleration_mps2", "rests"), [(0.1, True), (0.3, False)])
-def test_a_little_acceleration_of_the_ground_is_taken_for_a_tilt_in_the_end(
+def test_a_little_acceleration_of_the_ground_is_taken_for_tilt_and_bias_in_the_end(
     acceleration_mps2: float, rests: bool
 ) -> None:
-    settings = AttitudeSettings()
-    kalman = AttitudeKalman(settings, Residual())
-    state = kalman.new_state()
-    state.ground = GroundMotion(moves=True, acceleration_W=(acceleration_mps2, 0.0, 0.0))
+    tilt_rad = acceleration_mps2 / AttitudeSettings().gravity_mps2
+    kalman, state = moving((acceleration_mps2, 0.0, 0.0), tilt_rad / AttitudeSettings().camera.lean_radps)
     for _ in range(100):
         follow_ground(kalman, state, 0.05)
     assert state.ground.moves is not rests
-    tilt_rad = acceleration_mps2 / settings.gravity_mps2 if rests else 0.0
-    assert np.sqrt(state.covariance[0, 0]) == pytest.approx(tilt_rad, rel=0.1)
+    likely_rad = tilt_rad / math.sqrt(2.0) if rests else 0.0  # as likely tilt as bias: half is either's
+    assert np.sqrt(state.covariance[1, 1]) == pytest.approx(likely_rad, rel=0.1)
+    up_x, _, _ = so3.rows_from_quaternion(state.q_WB)[6:9]
+    assert abs(up_x) == pytest.approx(tilt_rad / 2.0 if rests else 0.0, rel=0.1)
+    assert state.sf_bias[0] == pytest.approx(acceleration_mps2 / 2.0 if rests else 0.0, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("acceleration_mps2", "duration_s", "is_bias"),
+    [(0.5, 25.0, True), (0.5, 15.0, False), (0.3, 20.5, False), (1.2, 19.0, False)],
+    ids=["a bias that jumped", "not yet", "a slow bus", "a train"],
+)
+def test_an_acceleration_that_lasts_longer_than_any_vehicles_is_the_accelerometers(
+    acceleration_mps2: float, duration_s: float, is_bias: bool
+) -> None:
+    kalman, state = moving((0.0, acceleration_mps2, 0.0))
+    for _ in range(round(duration_s / 0.05)):
+        follow_ground(kalman, state, 0.05)
+    assert state.ground.moves is not is_bias
+    assert state.sf_bias == pytest.approx((0.0, acceleration_mps2 if is_bias else 0.0, 0.0), abs=1e-3)
+
+
+def test_a_vehicle_that_turns_under_its_wearer_is_no_bias() -> None:
+    kalman, state = moving((0.5, 0.0, 0.0))
+    for step in range(1000):
+        state.ground.acceleration_W = (0.5 * math.cos(0.004 * step), 0.5 * math.sin(0.004 * step), 0.0)
+        follow_ground(kalman, state, 0.05)
+    assert state.ground.moves
 
 
 def test_the_longer_a_ground_moves_the_wider_the_vertical_is_stated() -> None:
