@@ -32,7 +32,9 @@ class Reason(str, enum.Enum):
     IMU_INCONSISTENT = "imu_inconsistent"  # the IMU measures another motion than the camera sees
     EYES_MISALIGNED = "eyes_misaligned"  # one eye sees everything higher, or larger, than its calibration says
     CAMERA_SLIPPED = "camera_slipped"  # the camera has turned on its mount: calibrate it to the IMU
-    DISTANCES_WRONG = "distances_wrong"  # what is seen moves more, or less, than the IMU measures: calibrate the eyes
+    DISTANCES_WRONG = (
+        "distances_wrong"  # the eyes have jumped apart, or see more, or less, motion than the IMU: calibrate
+    )
     VIEW_DEFORMED = "view_deformed"  # something before a lens moves part of its picture: clean the window
     UNCONFIRMED = "unconfirmed"  # no camera has checked the gyroscope for long, or not long enough since
 

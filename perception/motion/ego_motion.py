@@ -18,6 +18,7 @@ from messages import StereoCalibration
 from messages.arrays import FloatArray, GreyImage
 from perception import so3
 from perception.motion.corners import tracked
+from perception.motion.distance_jump import Corners, DistanceJumps
 from perception.motion.inner_motion import InnerMotion, steady_motion
 from perception.motion.rigid_step import PointsInStep, RigidStepSettings, solve
 from perception.motion.stereo_points import NO_SKEW, StereoPoints, View
@@ -42,7 +43,7 @@ class EgoMotion:
 class VisualOdometer:
     """Follows the motion of C from frame to frame.
 
-    `skew` is how the eyes' rows differ in the newest pair.
+    `skew` is how the eyes' rows differ in the newest pair; `jumps` tell whether all distances have jumped.
     """
 
     longest_step_s = 0.125  # one frame of 20 Hz may be missing: later, corners have moved too far
@@ -62,6 +63,8 @@ class VisualOdometer:
         self._view: View | None = None
         self._unprepared: tuple[int, GreyImage, GreyImage] | None = None
         self.skew = NO_SKEW
+        self.jumps = DistanceJumps()
+        self._expected: Corners | None = None
 
     @property
     def last_v_C_mps(self) -> FloatArray:
@@ -96,6 +99,10 @@ class VisualOdometer:
         if self._unprepared is not None:
             self._view, self.skew = self._stereo.view(*self._unprepared)
             self._unprepared = None
+            if self._expected is not None and len(self._view.points_C):
+                disparity_px = self._stereo.disparity_px(self._view.points_C[:, 2])
+                self.jumps.add(self._expected, Corners(self._view.corners_px, disparity_px))
+            self._expected = None
 
     def _motion(self, before: View, t_exposure_ns: int, left: GreyImage, inner: InnerMotion | None) -> EgoMotion | None:
         """Return the motion as the IMU has it, or else, where that is refuted, as it was in the step before."""
@@ -132,6 +139,7 @@ class VisualOdometer:
         step = solve(points, self._stereo.left.rays_C(seen_px)[:, :2], inner.foretold, self._settings)
         if step is None:
             return None
+        self._expected = Corners(seen_px, self._stereo.disparity_px(points.moved(step.rates)[2]))
         noise = inner.noise if step.likely else steady_motion(self._last_rates).noise
         return EgoMotion(
             t_before_ns=before.t_exposure_ns,

@@ -112,6 +112,11 @@ class StereoPoints:
         points_C = rays_C[good] * (self._coarse.baseline_m / disparity[good])[:, None]
         return View(t_exposure_ns, left, corners_px, points_C, self.row_times_s(corners_px)), common
 
+    def disparity_px(self, depth_m: FloatArray) -> FloatArray:
+        """Return the disparity (N,), in reduced pixels, of points at depths (N,)."""
+        disparity_px: FloatArray = self.left.f_px * self.baseline_m / depth_m
+        return disparity_px
+
     def _repeats(self, left: GreyImage, right: GreyImage, corners_px: Float32Array, matched_px: Float32Array) -> bool:
         """Return whether nearly all corners look the same elsewhere along the row, here and in the frames before."""
         count = self.asked_each if self._asked else self.asked_first

@@ -1,6 +1,6 @@
 """Camera and IMU side by side, message by message: the motion that each of them measures.
 
-And one eye beside the other: what they see of a corner must lie on one epipolar line.
+And one eye beside the other: what they see of a corner must lie on one epipolar line, and not all distances may jump.
 """
 
 import math
@@ -49,11 +49,18 @@ class MotionWatch:
 
     @property
     def reason(self) -> Reason:
-        """Return EYES_MISALIGNED or TIME_INCONSISTENT while something contradicts, else NONE."""
-        if self._aligned_frames < self.confirmations:
-            return Reason.EYES_MISALIGNED
+        """Return EYES_MISALIGNED, DISTANCES_WRONG or TIME_INCONSISTENT while something contradicts, else NONE."""
+        if self._eyes_are_wrong is not Reason.NONE:
+            return self._eyes_are_wrong
         late = self._clock is not None and self._clock.contradicts
         return Reason.TIME_INCONSISTENT if late else Reason.NONE
+
+    @property
+    def _eyes_are_wrong(self) -> Reason:
+        if self._aligned_frames < self.confirmations:
+            return Reason.EYES_MISALIGNED
+        jumped = self._odometer is not None and self._odometer.jumps.contradict
+        return Reason.DISTANCES_WRONG if jumped else Reason.NONE
 
     @property
     def focal_difference(self) -> FocalDifference:
@@ -71,7 +78,7 @@ class MotionWatch:
             self._clock.add_sample(sample.t_sample_ns, w_B_radps)
 
     def add_frame(self, frame: Frame, foretold: MotionForetold | None = None) -> CameraStep | None:
-        """Take a frame and return how the camera moved, where that is known from two eyes that are aligned.
+        """Take a frame and return how the camera moved, where that is known from two eyes that are as calibrated.
 
         `foretold` is what is expected at the newest sample; it tells where to look, and what is not the ground.
         """
@@ -83,8 +90,7 @@ class MotionWatch:
         inner = self._inner_motion(self._odometer, t_ns, foretold)
         motion = self._odometer.add_frame(t_ns, frame.left, frame.right, inner)
         self._clock.add_motion(motion)
-        aligned = self._aligned_frames >= self.confirmations
-        return self._step_in_B(motion) if aligned and motion is not None else None
+        return self._step_in_B(motion) if self._eyes_are_wrong is Reason.NONE and motion is not None else None
 
     def _inner_motion(self, odometer: VisualOdometer, t_ns: int, foretold: MotionForetold | None) -> InnerMotion | None:
         if odometer.t_before_ns is None or t_ns <= odometer.t_before_ns:

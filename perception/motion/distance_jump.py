@@ -1,0 +1,83 @@
+"""Have the eyes moved against each other? Distances that all jump between two pictures, as no ground's do.
+
+A corner followed from one left picture to the next should there have the disparity d' that the step of the camera
+gives it. What the pair then shows, d, differs by noise. If an eye has turned on its mount, or a window before it has
+bent, all corners differ at once, at (x, y) by
+
+    d − d' = a + b x + c y                                                                            (1)
+
+The step takes its distances from the pair before, and both are told by pictures alone: neither the IMU nor any idea of
+the ground has part in this. Jumps are summed up until they cancel out.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from messages.arrays import Float32Array, FloatArray
+
+
+class Corners(NamedTuple):
+    """Corners (N, 2) of a left picture, pixels, and the disparity (N,) of each, pixels."""
+
+    places_px: Float32Array
+    disparity_px: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class JumpSettings:
+    """What counts as a jump, in pixels of the picture whose corners are followed.
+
+    Corners that lie `together_px` apart are one; off (1) by more than `usual_px` they count the less. One step's jump
+    is at least `least_px` somewhere between them; the rig's stairs and tiles reach half of that.
+    """
+
+    least_px: float = 0.35
+    least_corners: int = 24
+    together_px: float = 1.0
+    usual_px: float = 0.1
+    rounds: int = 4
+
+
+class DistanceJumps:
+    """Sums up the jumps of one pair of eyes; `contradict` while what they leave would be one."""
+
+    def __init__(self, settings: JumpSettings | None = None) -> None:
+        self._settings = settings or JumpSettings()
+        self._sum: FloatArray = np.zeros(3)
+        self.contradict = False
+
+    def add(self, expected: Corners, seen: Corners) -> None:
+        """Take the corners of one picture as they should be after the last step, and as its pair shows them."""
+        settings = self._settings
+        apart_px = np.abs(expected.places_px[:, None] - seen.places_px[None]).max(axis=2)
+        nearest = apart_px.argmin(axis=1)
+        one = np.take_along_axis(apart_px, nearest[:, None], axis=1)[:, 0] < settings.together_px
+        if np.count_nonzero(one) < settings.least_corners:
+            return
+        places_px = seen.places_px[nearest[one]].astype(np.float64)
+        off_px = seen.disparity_px[nearest[one]] - expected.disparity_px[one]
+        jump = self._fitted(places_px, off_px)
+        if _largest_px(jump, places_px) > settings.least_px:
+            self._sum = self._sum + jump
+            self.contradict = _largest_px(self._sum, places_px) > settings.least_px
+
+    def _fitted(self, places_px: FloatArray, off_px: FloatArray) -> FloatArray:
+        """Return (a, b, c) of (1) by least squares with Huber's weights."""
+        A = np.column_stack((np.ones(len(places_px)), places_px))
+        fit = np.array([np.median(off_px), 0.0, 0.0])
+        for _ in range(self._settings.rounds):
+            weighted = A / np.maximum(np.abs(off_px - A @ fit) / self._settings.usual_px, 1.0)[:, None]
+            fit = np.linalg.lstsq(weighted.T @ A, weighted.T @ off_px, rcond=None)[0]
+        return fit
+
+
+def _largest_px(jump: FloatArray, places_px: FloatArray) -> float:
+    """Return how far (a, b, c) moves a corner of the rectangle one deviation about the middle of all places (N, 2)."""
+    middle_px, deviation_px = places_px.mean(axis=0), places_px.std(axis=0)
+    at_corners = jump[0] + jump[1:] @ (middle_px + deviation_px * _RECTANGLE).T
+    return float(np.abs(at_corners).max())
+
+
+_RECTANGLE = np.array([(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)])

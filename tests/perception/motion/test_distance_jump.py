@@ -1,0 +1,126 @@
+"""Distances that all jump: synthetic corners, and rendered pictures of eyes that slip in mid-walk."""
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daemon.pipeline import Pipeline
+from lab.faults import deformed_view, image_changes
+from lab.faults.criteria import errors_of
+from lab.faults.faulty_camera import ImageChange
+from messages import GroundPlane, Reason, Status, StereoFrame
+from messages.arrays import FloatArray
+from perception.ground.foothold import FootholdSettings
+from perception.motion.distance_jump import Corners, DistanceJumps
+from sim_rig.walk.scenario import scenario
+from sim_rig.wearer import SimulatedWearer
+
+SIZE_PX = np.array([320.0, 180.0])
+START_NS = 10_000_000_000
+
+
+def corners(count: int = 120) -> Corners:
+    chance = np.random.default_rng(3)
+    places_px = (chance.uniform(0.0, 1.0, (count, 2)) * SIZE_PX).astype(np.float32)
+    return Corners(places_px, chance.uniform(15.0, 40.0, count))
+
+
+def moved(seen: Corners, by_px: FloatArray | float, noise_px: float = 0.06, wrong: int = 0) -> Corners:
+    """Return corners seen a little beside where they are, their disparities moved; the first `wrong` are nonsense."""
+    chance = np.random.default_rng(4)
+    disparity_px = seen.disparity_px + by_px + noise_px * chance.standard_normal(len(seen.disparity_px))
+    disparity_px[:wrong] = chance.uniform(5.0, 60.0, wrong)
+    return Corners(seen.places_px + np.float32(0.2), disparity_px)
+
+
+def stretch_px(seen: Corners) -> FloatArray:
+    """Return a window's that moves the picture by a pixel either way, one deviation beside its middle."""
+    x = seen.places_px[:, 0].astype(np.float64)
+    stretched: FloatArray = (x - x.mean()) / x.std()
+    return stretched
+
+
+@pytest.mark.parametrize("by_px", [0.6, -0.6, 3.0])
+def test_an_eye_that_turns_moves_all_distances_until_it_turns_back(by_px: float) -> None:
+    jumps, expected = DistanceJumps(), corners()
+    jumps.add(expected, moved(expected, by_px))
+    assert jumps.contradict
+    jumps.add(expected, moved(expected, 0.0))
+    assert jumps.contradict
+    jumps.add(expected, moved(expected, -by_px))
+    assert not jumps.contradict
+
+
+def test_a_window_that_stretches_the_picture_is_noticed_though_on_average_nothing_moves() -> None:
+    jumps, expected = DistanceJumps(), corners()
+    jumps.add(expected, moved(expected, stretch_px(expected)))
+    assert jumps.contradict
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    by_px=st.floats(-0.2, 0.2),
+    noise_px=st.floats(0.0, 0.1),
+    wrong=st.integers(0, 30),
+    count=st.integers(90, 200),
+)
+def test_noise_and_things_that_move_by_themselves_are_no_jump(
+    by_px: float, noise_px: float, wrong: int, count: int
+) -> None:
+    jumps, expected = DistanceJumps(), corners(count)
+    jumps.add(expected, moved(expected, by_px, noise_px, wrong))
+    assert not jumps.contradict
+
+
+def test_little_that_adds_up_is_no_jump_and_neither_is_what_few_corners_say() -> None:
+    jumps, expected, few = DistanceJumps(), corners(), corners(12)
+    for _ in range(40):
+        jumps.add(expected, moved(expected, 0.1))
+    jumps.add(few, moved(few, 3.0))
+    elsewhere = Corners(expected.places_px + np.float32(400.0), expected.disparity_px + 3.0)
+    jumps.add(expected, elsewhere)
+    assert not jumps.contradict
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "change",
+    [
+        image_changes.right_shifted(0, -4),
+        image_changes.right_shifted(0, 3),
+        deformed_view.warped(deformed_view.stretched(2.0), left=False),
+    ],
+    ids=["outwards", "inwards", "stretched"],
+)
+def test_an_eye_that_slips_along_the_rows_in_mid_walk_is_flagged_at_once_and_misleads_nobody(
+    change: ImageChange,
+) -> None:
+    """Before jumps were looked for the filter followed the wrong distances: attitude and ground off by 5°, valid."""
+    wearer, slip_ns, back_ns = (
+        SimulatedWearer(1, scenario("ramps"), START_NS),
+        START_NS + 4 * 10**9,
+        START_NS + 7 * 10**9,
+    )
+    pipeline, grounds = Pipeline(wearer.calibration, FootholdSettings()), list[GroundPlane]()
+    for message in wearer.offline_inputs(10.0):
+        if isinstance(message, StereoFrame) and slip_ns <= message.header.t_exposure_ns < back_ns:
+            left, right = change((message.left, message.right))
+            message = msgspec.structs.replace(message, left=left, right=right)
+        grounds += [told for told in pipeline.step(message) if isinstance(told, GroundPlane)]
+    slipped = [ground for ground in grounds if slip_ns + 100_000_000 <= ground.t_exposure_ns < back_ns]
+    assert {ground.reason for ground in slipped} == {Reason.DISTANCES_WRONG}
+    valid = [ground for ground in grounds if ground.status is Status.VALID]
+    assert not any(errors_of(ground, wearer.truth(ground.t_exposure_ns)).wrong for ground in valid)
+    recovered_ns = next(ground.t_exposure_ns for ground in valid if ground.t_exposure_ns > back_ns)
+    assert recovered_ns < back_ns + 2 * 10**9
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "seed"), [("stairs", 11), ("trolley", 11), ("level", 12)])
+def test_no_walk_of_sound_eyes_jumps(name: str, seed: int) -> None:
+    wearer = SimulatedWearer(seed, scenario(name), START_NS)
+    pipeline = Pipeline(wearer.calibration, FootholdSettings())
+    told = [each for message in wearer.offline_inputs(8.0) for each in pipeline.step(message)]
+    assert not any(isinstance(each, GroundPlane) and each.reason is Reason.DISTANCES_WRONG for each in told)
