@@ -7,7 +7,8 @@ bent, all corners differ at once, at (x, y) by
     d − d' = a + b x + c y                                                                            (1)
 
 The step takes its distances from the pair before, and both are told by pictures alone: neither the IMU nor any idea of
-the ground has part in this. Jumps are summed up until they cancel out.
+the ground has part in this. Only corners that agree with the step count: what moves by itself tells nothing. Jumps are
+summed up until they cancel out.
 """
 
 from dataclasses import dataclass
@@ -29,11 +30,13 @@ class Corners(NamedTuple):
 class JumpSettings:
     """What counts as a jump, in pixels of the picture whose corners are followed.
 
-    Corners that lie `together_px` apart are one; off (1) by more than `usual_px` they count the less. One step's jump
-    is at least `least_px` somewhere between them; the rig's stairs and tiles reach half of that.
+    Corners that lie `together_px` apart are one; off (1) by more than `usual_px` they count the less, and of
+    `least_share` of them that is below `agreeing_px`. The jump is at least `least_px` somewhere between them.
     """
 
-    least_px: float = 0.35
+    least_px: float = 0.4
+    agreeing_px: float = 0.3
+    least_share: float = 0.8
     least_corners: int = 24
     together_px: float = 1.0
     usual_px: float = 0.1
@@ -59,7 +62,9 @@ class DistanceJumps:
         places_px = seen.places_px[nearest[one]].astype(np.float64)
         off_px = seen.disparity_px[nearest[one]] - expected.disparity_px[one]
         jump = self._fitted(places_px, off_px)
-        if _largest_px(jump, places_px) > settings.least_px:
+        left_px = np.abs(off_px - jump[0] - places_px @ jump[1:])
+        agreed = np.count_nonzero(left_px < settings.agreeing_px) > settings.least_share * len(off_px)
+        if agreed and _largest_px(jump, places_px) > settings.least_px:
             self._sum = self._sum + jump
             self.contradict = _largest_px(self._sum, places_px) > settings.least_px
 

@@ -139,7 +139,8 @@ class VisualOdometer:
         step = solve(points, self._stereo.left.rays_C(seen_px)[:, :2], inner.foretold, self._settings)
         if step is None:
             return None
-        self._expected = Corners(seen_px, self._stereo.disparity_px(points.moved(step.rates)[2]))
+        disparity_px = self._stereo.disparity_px(points.moved(step.rates)[2])
+        self._expected = Corners(seen_px[step.agrees], disparity_px[step.agrees])
         noise = inner.noise if step.likely else steady_motion(self._last_rates).noise
         return EgoMotion(
             t_before_ns=before.t_exposure_ns,

@@ -32,12 +32,17 @@ from perception.motion.inner_motion import InnerMotion
 
 @dataclass(frozen=True)
 class RigidStep:
-    """δω and δv of (1) (6,), their covariance (6, 6), how many points agree, and whether that was likely."""
+    """δω and δv of (1) (6,), their covariance (6, 6), which points (N,) agree, and whether that was likely."""
 
     rates: FloatArray
     covariance: FloatArray
-    inliers: int
+    agrees: BoolArray
     likely: bool
+
+    @property
+    def inliers(self) -> int:
+        """Return how many points agree."""
+        return int(np.count_nonzero(self.agrees))
 
 
 @dataclass(frozen=True)
@@ -207,12 +212,11 @@ def _refined(
         rates = rates + change
         if float(np.abs(change @ FT).max()) < settled:
             break
-    inliers = int(np.count_nonzero(distance < _INLIER_SIGMAS * noise))
+    agrees = distance < _INLIER_SIGMAS * noise
     likely = bool(_is_likely(rates, prior, settings))
     least = settings.least_points if likely else max(settings.least_surprising, settings.majority * seen.shape[1])
-    if noise > most or inliers < least:
-        return None
-    return RigidStep(rates, noise**2 * inverse, inliers, likely)
+    step = RigidStep(rates, noise**2 * inverse, agrees, likely)
+    return None if noise > most or step.inliers < least else step
 
 
 def _across(vectors: FloatArray) -> FloatArray:
