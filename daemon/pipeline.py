@@ -33,6 +33,7 @@ from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
 from perception.motion.odometry import Odometry
 from perception.motion.watch import MotionWatch
+from perception.sample_guard import SampleGuard
 from perception.terrain.estimator import TerrainEstimator
 
 LONGEST_WAIT_NS = 20_000_000
@@ -70,6 +71,7 @@ class Pipeline:
         self._health = HealthMonitor(calibration.id, "" if learnt is None else learnt.id)
         self._load = Load.NORMAL
         self._passes_over = False  # motion and terrain of a frame: of every second one under load
+        self._sample_guard = SampleGuard()
         self._frame_guard = FrameGuard()
         self._motion = MotionWatch(calibration)
         self._odometry = Odometry(calibration, self._ground.R_BC)
@@ -113,7 +115,7 @@ class Pipeline:
             self._ground.set_foothold(self._foothold)
 
     def _on_imu(self, sample: ImuSample) -> Iterator[Estimate]:
-        if not self._attitude.accepts(sample):
+        if not (self._sample_guard.check(sample) and self._attitude.accepts(sample)):
             self._health.count_refused_sample()
             return
         self._imu_arrival_ns = max(sample.t_arrival_ns, self._imu_arrival_ns or 0)
