@@ -257,11 +257,6 @@ _TILT = "an acceleration that is off so slowly turns the vertical as a tilt of a
 travel tells differences of acceleration within a second, gravity and bias only in sum until the unit turns"
 _MOUNT = "turns of up to 3° in the mount change what the IMU should see of a turn by 5 % of it and of a travel by its \
 cosine: the vertical in the camera is known by the mount alone, and ground of another slope looks the same"
-_TOE_IN = (
-    "all disparities are off by the same: ground that is nearer or farther, and seen so from the start, looks the \
-same; only a known height or the scale of a longer walk tells"
-)
-_STRETCH = "what grows evenly with the column is what ground shows that rises to one side"
 
 IMU_KINDS: dict[str, Kind] = {
     **{f"gyro-step-{dps:g}": Kind("imu", _gyro_bias(dps, 0.0), answerable=True) for dps in (0.8, 2, 5)},
@@ -305,10 +300,10 @@ CAMERA_KINDS: dict[str, Kind] = {
     "camera-turned": Kind("camera", _turned(1.0, 3.0), undetectable=_MOUNT),
     "camera-turned-15": Kind("camera", _turned(15.0, 15.0)),
     "slipped-rows": Kind("camera", _right_shifted(4, 0)),
-    "slipped-columns": Kind("camera", _right_shifted(0, 4), undetectable=_TOE_IN),
+    "slipped-columns": Kind("camera", _right_shifted(0, 4)),
     "drop-2": Kind("camera", _deformed("drop", "2")),
     "bent-1": Kind("camera", _deformed("bent", "1")),
-    "stretched-2": Kind("camera", _deformed("stretched", "2"), undetectable=_STRETCH),
+    "stretched-2": Kind("camera", _deformed("stretched", "2")),
     "blur-9": Kind("camera", _deformed("blur", "9")),
     "dirt": Kind("camera", _deformed("dirt")),
     "half-covered": Kind("camera", _deformed("half")),
