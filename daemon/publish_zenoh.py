@@ -2,7 +2,7 @@
 
 Exact keys, for a device called DEVICE; a replay has `replay/` after the device everywhere, and so never looks live:
 
-    gaiteyes/DEVICE/ground/v1, …/attitude/v1, …/motion/v1, …/health/v1   published (messages.topics: rates, deadlines)
+    gaiteyes/DEVICE/ground/v2, …/terrain/v2, …/health/v2, …    published (messages.topics: names, rates, deadlines)
     gaiteyes/DEVICE/alive                                   liveliness token: presence, not a watchdog (10 s lease)
     gaiteyes/DEVICE/calibration                             queryable: the calibration in use
     gaiteyes/DEVICE/configuration                           queryable: the service's settings

@@ -61,10 +61,11 @@ from messages.learnt import BiasAtTemperature, DepthScale, Learnt
 from messages.reasons import Reason, Status
 from messages.refusal import Refusal
 from messages.terrain import NextFoothold, Side, Terrain, TerrainEdge, TerrainKind, TerrainObstacle
-from messages.topics import TOPIC_OF, TOPICS, DropRule, Topic
+from messages.topics import INTERFACE_VERSION, TOPIC_OF, TOPICS, DropRule, Topic
 
 __all__ = [
     "CAMERA_HEIGHTS_M",
+    "INTERFACE_VERSION",
     "NO_RESIDUAL",
     "TOPICS",
     "TOPIC_OF",

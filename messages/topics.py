@@ -19,6 +19,10 @@ from messages.inputs import (
 )
 from messages.terrain import Terrain
 
+INTERFACE_VERSION = 2
+"""What a published message means, on Zenoh (the end of every key) and on CAN (VERSION of the DBC). In version 1 the
+ground was that of a fixed region ahead; since version 2 it is the surface under the next foothold."""
+
 
 class DropRule(str, enum.Enum):
     """What a full queue gives up."""
@@ -44,7 +48,7 @@ class Topic(msgspec.Struct, frozen=True, kw_only=True):
 
     def key(self, device: str, *, replay: bool = False) -> str:
         """Return the Zenoh key under which `device` publishes; a replay has a branch of its own."""
-        return f"gaiteyes/{device}/{'replay/' if replay else ''}{self.name}/v1"
+        return f"gaiteyes/{device}/{'replay/' if replay else ''}{self.name}/v{INTERFACE_VERSION}"
 
 
 _ROWS = (

@@ -7,10 +7,22 @@ import subprocess
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 from crccheck.crc import Crc8Autosar  # type: ignore[import-untyped]  # the package carries no type hints
 
-from messages import TOPIC_OF, DropCause, GaitPhase, GroundPlane, Health, Load, Reason, Source, Status
+from messages import (
+    INTERFACE_VERSION,
+    TOPIC_OF,
+    DropCause,
+    GaitPhase,
+    GroundPlane,
+    Health,
+    Load,
+    Reason,
+    Source,
+    Status,
+)
 from messages.can_frames import NOT_AVAILABLE, CanEncoder, CanMessage, database, decode, decode_ankle, profile
 from messages.e2e import E2eCheck, E2eReceiver, E2eSender, Profile2
 from tests.bench.can_samples import NAN, ground, health, invalid_ground, stamp
@@ -96,6 +108,27 @@ def test_the_dbc_and_the_enums_hold_the_same_words(message: str, signal: str, wo
     choices = database().get_message_by_name(message).get_signal_by_name(signal).choices
     assert choices is not None
     assert sorted(str(name) for name in choices.values()) == sorted(str(member.value) for member in words)
+
+
+def test_the_dbc_has_the_version_of_the_interface() -> None:
+    assert database().version == str(INTERFACE_VERSION)
+
+
+@pytest.mark.parametrize(
+    ("message", "data_ids"),
+    [
+        (CanMessage.GROUND, "A6 9B 75 77 A2 72 66 68 B3 6C 54 A3 1D 43 E3 B4"),
+        (CanMessage.GROUND_QUALITY, "1C EA F9 E6 6B 59 B6 21 2A B9 8B 8A 47 F3 7A A8"),
+    ],
+)
+def test_a_receiver_made_for_version_1_refuses_a_ground_that_means_something_else(
+    message: CanMessage, data_ids: str
+) -> None:
+    of_version_1 = msgspec.structs.replace(profile(message), data_ids=bytes.fromhex(data_ids))
+    encoder, receiver = CanEncoder(), E2eReceiver(of_version_1)
+    half = (CanMessage.GROUND, CanMessage.GROUND_QUALITY).index(message)
+    checks = [receiver.check(encoder.ground(ground(), stamp(), 0.05)[half].data, n * 50_000_000) for n in range(32)]
+    assert set(checks) == {E2eCheck.WRONG_CRC}
 
 
 @ALL_MESSAGES
