@@ -9,16 +9,13 @@ from daemon.recorder import Recorder
 from daemon.stamping import Stamper
 from daemon.watch import GroundWatch
 from messages import (
-    Attitude,
     Estimate,
     FrameHeader,
     GroundPlane,
     Health,
-    Motion,
     Reason,
     Stamp,
     Status,
-    Terrain,
     capture_ns,
 )
 
@@ -123,30 +120,4 @@ def withdrawn_if_late(estimate: Estimate, now_ns: int) -> Estimate:
         return estimate
     if now_ns - capture_ns(estimate) <= STALE_NS:
         return estimate
-    if isinstance(estimate, Attitude):
-        return Attitude.invalid(
-            t_sample_ns=estimate.t_sample_ns, reason=Reason.LATE, calibration_id=estimate.calibration_id
-        )
-    if isinstance(estimate, Motion):
-        return Motion.invalid(
-            t_exposure_ns=estimate.t_exposure_ns,
-            frame_seq=estimate.frame_seq,
-            reason=Reason.LATE,
-            calibration_id=estimate.calibration_id,
-        )
-    if isinstance(estimate, Terrain):
-        return Terrain.invalid(
-            t_exposure_ns=estimate.t_exposure_ns,
-            frame_seq=estimate.frame_seq,
-            reason=Reason.LATE,
-            side=estimate.foothold.side,
-            calibration_id=estimate.calibration_id,
-        )
-    return GroundPlane.invalid(
-        t_exposure_ns=estimate.t_exposure_ns,
-        frame_seq=estimate.frame_seq,
-        reason=Reason.LATE,
-        ahead_m=estimate.ahead_m,
-        calibration_id=estimate.calibration_id,
-        matched_share=estimate.matched_share,
-    )
+    return estimate.without_numbers(Reason.LATE)

@@ -12,8 +12,9 @@ from typing import Protocol
 
 from daemon.outgoing import withdrawn_if_late
 from drivers.can.link import SendResult
-from messages import TOPIC_OF, Estimate, GroundPlane, Health, Stamp
-from messages.can_frames import CanEncoder, CanFrame
+from messages import TOPIC_OF, Estimate, GroundPlane, Health, Stamp, Terrain
+from messages.can_encoder import CanEncoder
+from messages.can_frames import CanFrame
 
 
 class FrameSender(Protocol):
@@ -27,7 +28,7 @@ class FrameSender(Protocol):
 
 
 class CanPublisher:
-    """Sends ground estimates (GROUND, then GROUND_QUALITY) and health; other estimates do not go on CAN.
+    """Sends ground, then terrain with the next foothold, and health; other estimates do not go on CAN.
 
     `errors` counts what never reached the bus: frames by `failures`, and estimates by `superseded` and by `late`, those
     that waited for longer than the deadline of their topic, or until they were too old (`daemon.outgoing`).
@@ -49,7 +50,7 @@ class CanPublisher:
 
     def publish(self, estimate: Estimate, stamp: Stamp) -> None:
         """Leave `estimate` to be sent; never waits for the bus."""
-        if not isinstance(estimate, GroundPlane | Health):
+        if not isinstance(estimate, GroundPlane | Terrain | Health):
             return
         with self._filled:
             if type(estimate) in self._waiting:
@@ -74,7 +75,7 @@ class CanPublisher:
                 result = self._link.send(frame)
                 if result is not SendResult.SENT:
                     self._count_failure(result)
-                    break  # half an estimate is of no use
+                    break  # half an estimate is of no use, and the bus takes no more
                 self.sent += 1
 
     def close(self) -> None:
@@ -92,10 +93,12 @@ class CanPublisher:
             self.errors += 1
 
     def _frames(self, estimate: Estimate, stamp: Stamp) -> tuple[CanFrame, ...]:
+        # The stamp's age ends when the estimate was handed out; the frame tells the age at transmission.
+        age_s = stamp.age_s + 1e-9 * (self._now_ns() - stamp.t_publish_ns)
         if isinstance(estimate, GroundPlane):
-            # The stamp's age ends when the estimate was handed out; the frame tells the age at transmission.
-            age_s = stamp.age_s + 1e-9 * (self._now_ns() - stamp.t_publish_ns)
             return self._encoder.ground(estimate, stamp, age_s)
+        if isinstance(estimate, Terrain):
+            return (*self._encoder.foothold(estimate, stamp, age_s), *self._encoder.terrain(estimate, stamp, age_s))
         if isinstance(estimate, Health):
             return (self._encoder.health(estimate, stamp),)
         return ()

@@ -17,7 +17,8 @@ PAGE = HOME / "docs" / "api.md"
 SECTIONS = {
     "Listen to the service": [
         "listen", "Listener", "Credentials", "Received", "Refusal",
-        "listen_can", "CanListener", "GroundReceiver", "ReceivedGround",
+        "listen_can", "CanListener", "CanReceiver", "CanEstimate", "ReceivedGround", "ReceivedFoothold",
+        "ReceivedTerrain", "ReceivedEdge",
     ],
     "Replay a recording": ["replay", "Pipeline", "load_calibration", "FootholdSettings"],
     "Explain what a simulation gets wrong": [

@@ -85,8 +85,12 @@ if TYPE_CHECKING:
     from messages import WearerHeight as WearerHeight
     from messages import ZenohHealth as ZenohHealth
     from messages.arrays import FloatArray as FloatArray
-    from messages.can_receiver import GroundReceiver as GroundReceiver
-    from messages.can_receiver import ReceivedGround as ReceivedGround
+    from messages.can_estimates import CanEstimate as CanEstimate
+    from messages.can_estimates import ReceivedEdge as ReceivedEdge
+    from messages.can_estimates import ReceivedFoothold as ReceivedFoothold
+    from messages.can_estimates import ReceivedGround as ReceivedGround
+    from messages.can_estimates import ReceivedTerrain as ReceivedTerrain
+    from messages.can_receiver import CanReceiver as CanReceiver
     from messages.json_receiver import Received as Received
     from perception.ground.foothold import FootholdSettings as FootholdSettings
 
@@ -116,8 +120,12 @@ _HOMES = {
     "listen": "drivers.zenoh.listener",
     "Credentials": "drivers.zenoh.settings",
     "Received": "messages.json_receiver",
-    "GroundReceiver": "messages.can_receiver",
-    "ReceivedGround": "messages.can_receiver",
+    "CanReceiver": "messages.can_receiver",
+    "CanEstimate": "messages.can_estimates",
+    "ReceivedGround": "messages.can_estimates",
+    "ReceivedFoothold": "messages.can_estimates",
+    "ReceivedTerrain": "messages.can_estimates",
+    "ReceivedEdge": "messages.can_estimates",
     "replay": "gaiteyes.recorded",
     "Pipeline": "daemon.pipeline",
     "load_calibration": "calib.files",

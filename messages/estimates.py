@@ -57,6 +57,10 @@ class Attitude(msgspec.Struct, frozen=True, kw_only=True):
             calibration_id=calibration_id,
         )
 
+    def without_numbers(self, reason: Reason) -> "Attitude":
+        """Return what is left of the estimate for a `reason` that is not NONE."""
+        return Attitude.invalid(t_sample_ns=self.t_sample_ns, reason=reason, calibration_id=self.calibration_id)
+
 
 class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
     """The ground at the next foothold, in the heading frame H of the frame exposed at `t_exposure_ns`.
@@ -112,6 +116,17 @@ class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
             calibration_id=calibration_id,
         )
 
+    def without_numbers(self, reason: Reason) -> "GroundPlane":
+        """Return what is left of the estimate for a `reason` that is not NONE."""
+        return GroundPlane.invalid(
+            t_exposure_ns=self.t_exposure_ns,
+            frame_seq=self.frame_seq,
+            reason=reason,
+            ahead_m=self.ahead_m,
+            calibration_id=self.calibration_id,
+            matched_share=self.matched_share,
+        )
+
 
 class Motion(msgspec.Struct, frozen=True, kw_only=True):
     """How the wearer moves over the ground seen, in the heading frame H of the frame exposed at `t_exposure_ns`.
@@ -156,6 +171,15 @@ class Motion(msgspec.Struct, frozen=True, kw_only=True):
             distance_var_m2=_NAN,
             ground_moves=False,
             calibration_id=calibration_id,
+        )
+
+    def without_numbers(self, reason: Reason) -> "Motion":
+        """Return what is left of the estimate for a `reason` that is not NONE."""
+        return Motion.invalid(
+            t_exposure_ns=self.t_exposure_ns,
+            frame_seq=self.frame_seq,
+            reason=reason,
+            calibration_id=self.calibration_id,
         )
 
 

@@ -7,7 +7,7 @@ from daemon.publish_can import CanPublisher
 from drivers.can.link import SendResult
 from messages import TOPIC_OF, GroundPlane, Health
 from messages.can_frames import CanFrame, CanMessage, can_id, decode
-from tests.bench.can_samples import attitude, ground, health, invalid_ground, stamp
+from tests.bench.can_samples import attitude, ground, health, invalid_ground, stamp, terrain
 
 GROUND, QUALITY, HEALTH = (can_id(m) for m in (CanMessage.GROUND, CanMessage.GROUND_QUALITY, CanMessage.HEALTH))
 
@@ -53,6 +53,17 @@ def test_an_estimate_goes_out_as_two_halves_and_health_as_one() -> None:
     publisher.drain(0.0)
     assert link.ids == [GROUND, QUALITY, HEALTH]
     assert (publisher.sent, publisher.errors) == (3, 0)
+
+
+def test_terrain_goes_out_after_the_ground_with_the_foothold_first() -> None:
+    link = Link()
+    publisher = publisher_on(link)
+    publisher.publish(ground(), stamp(seq=5))
+    publisher.publish(terrain(), stamp(seq=5))
+    publisher.drain(0.0)
+    of_terrain = (CanMessage.FOOTHOLD, CanMessage.FOOTHOLD_QUALITY, CanMessage.TERRAIN, CanMessage.TERRAIN_QUALITY)
+    assert link.ids == [GROUND, QUALITY, *map(can_id, of_terrain)]
+    assert (publisher.sent, publisher.errors) == (6, 0)
 
 
 def test_nothing_waits_so_nothing_is_sent() -> None:

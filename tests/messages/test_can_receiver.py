@@ -3,8 +3,10 @@
 import pytest
 
 from messages import GroundPlane, Reason, Source, Stamp
-from messages.can_frames import CanEncoder, CanFrame, CanMessage, can_id, profile
-from messages.can_receiver import GroundReceiver, ReceivedGround
+from messages.can_encoder import CanEncoder
+from messages.can_estimates import ReceivedGround
+from messages.can_frames import CanFrame, CanMessage, can_id, profile
+from messages.can_receiver import CanReceiver
 from messages.e2e import counter_of
 from messages.refusal import Refusal
 from tests.bench.can_samples import ground, health, invalid_ground, stamp
@@ -15,8 +17,8 @@ CYCLE_NS = 50_000_000
 class Bus:
     """One sender and one receiver in step; `seq` and the receiver's time go on with every pair."""
 
-    def __init__(self, receiver: GroundReceiver | None = None) -> None:
-        self.receiver = receiver or GroundReceiver()
+    def __init__(self, receiver: CanReceiver[ReceivedGround] | None = None) -> None:
+        self.receiver = receiver or CanReceiver(ReceivedGround)
         self.encoder = CanEncoder()
         self.seq = 0
         self.t_ns = 7_000_000_000
@@ -105,7 +107,10 @@ def test_damage_and_a_wrong_length_are_refused() -> None:
 
 @pytest.mark.parametrize("source", [Source.REPLAY, Source.SIMULATED])
 def test_only_live_data_is_taken_unless_asked(source: Source) -> None:
-    for receiver, taken in ((GroundReceiver(), False), (GroundReceiver(accept_simulated=True), True)):
+    for receiver, taken in (
+        (CanReceiver(ReceivedGround), False),
+        (CanReceiver(ReceivedGround, accept_simulated=True), True),
+    ):
         bus = Bus(receiver).settled()
         told = bus.feed(*bus.frames(sealed=stamp(seq=1, source=source)))[1]
         assert isinstance(told, ReceivedGround) is taken
@@ -159,7 +164,7 @@ def test_what_waited_in_the_queue_of_a_stuck_bus_is_not_taken_for_fresh() -> Non
 @pytest.mark.parametrize("max_age_s", [0.0, -1.0, 0.254, 1.0, float("nan")])
 def test_an_age_limit_that_frames_cannot_prove_is_refused(max_age_s: float) -> None:
     with pytest.raises(ValueError, match="max_age_s"):
-        GroundReceiver(max_age_s=max_age_s)
+        CanReceiver(ReceivedGround, max_age_s=max_age_s)
 
 
 def test_identifiers_put_the_halves_on_the_bus_in_order_and_the_ankle_first() -> None:
