@@ -13,11 +13,13 @@ from messages import (
     FrameHeader,
     GroundPlane,
     Health,
+    PropagatedGround,
     Reason,
     Stamp,
     Status,
     capture_ns,
 )
+from perception.ground.propagation import OLDEST_PICTURE_NS
 
 STALE_NS = 140_000_000
 """From exposure, or sample, to here. What took longer is published as late, not valid: the wearer has moved on.
@@ -118,6 +120,10 @@ def withdrawn_if_late(estimate: Estimate, now_ns: int) -> Estimate:
     """Return `estimate`, or what is left of a valid one that is older than `STALE_NS`: no numbers, reason LATE."""
     if isinstance(estimate, Health) or estimate.status is not Status.VALID:
         return estimate
-    if now_ns - capture_ns(estimate) <= STALE_NS:
+    if isinstance(estimate, PropagatedGround):
+        too_old = now_ns - estimate.t_sample_ns + 1e9 * estimate.picture_age_s > OLDEST_PICTURE_NS
+    else:
+        too_old = now_ns - capture_ns(estimate) > STALE_NS
+    if not too_old:
         return estimate
     return estimate.without_numbers(Reason.LATE)

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from daemon.outgoing import withdrawn_if_late
 from drivers.can.link import SendResult
-from messages import TOPIC_OF, Estimate, GroundPlane, Health, Stamp, Terrain
+from messages import TOPIC_OF, Estimate, GroundPlane, Health, PropagatedGround, Stamp, Terrain
 from messages.can_encoder import CanEncoder
 from messages.can_frames import CanFrame
 
@@ -28,10 +28,11 @@ class FrameSender(Protocol):
 
 
 class CanPublisher:
-    """Sends ground, then terrain with the next foothold, and health; other estimates do not go on CAN.
+    """Sends ground, the ground carried to now, terrain with the next foothold, and health; nothing else goes on CAN.
 
     `errors` counts what never reached the bus: frames by `failures`, and estimates by `superseded` and by `late`, those
-    that waited for longer than the deadline of their topic, or until they were too old (`daemon.outgoing`).
+    that waited for longer than the deadline of their topic, or until they were too old (`daemon.outgoing`). A carried
+    ground that a newer one replaces is no error: samples that waited for a frame are carried one right after the other.
     """
 
     name = "can"
@@ -50,12 +51,12 @@ class CanPublisher:
 
     def publish(self, estimate: Estimate, stamp: Stamp) -> None:
         """Leave `estimate` to be sent; never waits for the bus."""
-        if not isinstance(estimate, GroundPlane | Terrain | Health):
+        if not isinstance(estimate, GroundPlane | PropagatedGround | Terrain | Health):
             return
         with self._filled:
             if type(estimate) in self._waiting:
                 self.superseded += 1
-                self.errors += 1
+                self.errors += not isinstance(estimate, PropagatedGround)
             self._waiting[type(estimate)] = estimate, stamp
             self._filled.notify()
 
@@ -97,6 +98,8 @@ class CanPublisher:
         age_s = stamp.age_s + 1e-9 * (self._now_ns() - stamp.t_publish_ns)
         if isinstance(estimate, GroundPlane):
             return self._encoder.ground(estimate, stamp, age_s)
+        if isinstance(estimate, PropagatedGround):
+            return self._encoder.propagated_ground(estimate, stamp, age_s)
         if isinstance(estimate, Terrain):
             return (*self._encoder.foothold(estimate, stamp, age_s), *self._encoder.terrain(estimate, stamp, age_s))
         if isinstance(estimate, Health):

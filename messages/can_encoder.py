@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeVar
 
 from messages.can_frames import CanFrame, CanMessage, Code, EdgeTold, can_id, codes, down, packed, profile, up
 from messages.e2e import E2eSender
-from messages.estimates import Covariance3, GroundPlane, Health, Stamp
+from messages.estimates import GroundPlane, Health, PropagatedGround, Stamp
 from messages.inputs import AnkleState
 from messages.reasons import Reason, Status
 from messages.terrain import Terrain
@@ -22,7 +22,7 @@ COUNT_MODULUS = 4096
 MOST_COUNTED = 7
 """So many edges or obstacles, or more."""
 
-E = TypeVar("E", GroundPlane, Terrain)
+E = TypeVar("E", GroundPlane, PropagatedGround, Terrain)
 
 
 class _Content(NamedTuple):
@@ -48,6 +48,11 @@ class CanEncoder:
     def ground(self, ground: GroundPlane, stamp: Stamp, age_s: float) -> tuple[CanFrame, CanFrame]:
         """Return GROUND and GROUND_QUALITY. Raises ValueError if `calibration_id` is no hexadecimal number."""
         return self._pair((CanMessage.GROUND, CanMessage.GROUND_QUALITY), ground, _ground_content, stamp, age_s)
+
+    def propagated_ground(self, ground: PropagatedGround, stamp: Stamp, age_s: float) -> tuple[CanFrame, CanFrame]:
+        """Return PROPAGATED_GROUND and PROPAGATED_GROUND_QUALITY."""
+        pair = (CanMessage.PROPAGATED_GROUND, CanMessage.PROPAGATED_GROUND_QUALITY)
+        return self._pair(pair, ground, _propagated_content, stamp, age_s)
 
     def foothold(self, terrain: Terrain, stamp: Stamp, age_s: float) -> tuple[CanFrame, CanFrame]:
         """Return FOOTHOLD and FOOTHOLD_QUALITY; while the next step is not known they have no number but the age."""
@@ -114,21 +119,25 @@ class CanEncoder:
 
 
 def _ground_content(ground: GroundPlane) -> _Content:
-    numbers = {
-        "slope_sagittal_rad": ground.slope_sagittal_rad,
-        "slope_frontal_rad": ground.slope_frontal_rad,
-        "height_m": ground.height_m,
-        **_plane_deviations(ground.covariance),
-    }
-    return _Content(ground.status, ground.reason, numbers, {}, {"calibration_id": int(ground.calibration_id[:3], 16)})
+    counts = {"calibration_id": int(ground.calibration_id[:3], 16)}
+    return _Content(ground.status, ground.reason, _plane_numbers(ground), {}, counts)
 
 
-def _plane_deviations(covariance: Covariance3) -> dict[str, float]:
-    variances = (covariance[i] for i in (0, 3, 5))
-    names = ("slope_sagittal_sd_rad", "slope_frontal_sd_rad", "height_sd_m")
+def _propagated_content(ground: PropagatedGround) -> _Content:
+    numbers = _plane_numbers(ground) | {"picture_age_ms": 1e3 * ground.picture_age_s}
+    return _Content(ground.status, ground.reason, numbers, {}, {})
+
+
+def _plane_numbers(plane: GroundPlane | PropagatedGround) -> dict[str, float | None]:
+    variances = (plane.covariance[i] for i in (0, 3, 5))
+    deviations = [math.sqrt(variance) if variance >= 0.0 else math.nan for variance in variances]
     return {
-        name: math.sqrt(variance) if variance >= 0.0 else math.nan
-        for name, variance in zip(names, variances, strict=True)
+        "slope_sagittal_rad": plane.slope_sagittal_rad,
+        "slope_frontal_rad": plane.slope_frontal_rad,
+        "height_m": plane.height_m,
+        "slope_sagittal_sd_rad": deviations[0],
+        "slope_frontal_sd_rad": deviations[1],
+        "height_sd_m": deviations[2],
     }
 
 
@@ -165,7 +174,7 @@ def _raw_numbers(layout: Mapping[str, Code], content: _Content) -> dict[str, int
 def _rounding(name: str) -> Callable[[float], int]:
     if name == "probability":
         return down
-    return up if "_sd_" in name else round
+    return up if "_sd_" in name or name == "picture_age_ms" else round
 
 
 def _raw_words(layout: Mapping[str, Code], words: Mapping[str, Enum]) -> dict[str, int]:

@@ -7,7 +7,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import msgspec
 
 from messages.can_frames import RESERVED, CanMessage, EdgeTold
-from messages.estimates import GroundPlane, Source
+from messages.estimates import GroundPlane, PropagatedGround, Source
 from messages.terrain import Side, Terrain, TerrainKind
 from messages.topics import TOPIC_OF, Topic
 
@@ -37,6 +37,22 @@ class ReceivedGround(CanEstimate, frozen=True, kw_only=True):
     slope_frontal_sd_rad: float
     height_sd_m: float
     calibration_id: str
+
+
+class ReceivedPropagatedGround(CanEstimate, frozen=True, kw_only=True):
+    """`messages.PropagatedGround` as PROPAGATED_GROUND and PROPAGATED_GROUND_QUALITY told it.
+
+    `picture_age_s` ends at the sample; `age_s`, on top of it, runs from there.
+    """
+
+    t_sample_ns: int
+    picture_age_s: float
+    slope_sagittal_rad: float
+    slope_frontal_rad: float
+    height_m: float
+    slope_sagittal_sd_rad: float
+    slope_frontal_sd_rad: float
+    height_sd_m: float
 
 
 class ReceivedFoothold(CanEstimate, frozen=True, kw_only=True):
@@ -121,6 +137,24 @@ def _ground(told: Told) -> ReceivedGround | None:
     )
 
 
+def _propagated_ground(told: Told) -> ReceivedPropagatedGround | None:
+    numbers = told.numbers
+    if any(map(math.isnan, numbers.values())):
+        return None
+    return ReceivedPropagatedGround(
+        source=told.source,
+        age_s=told.age_s,
+        t_sample_ns=told.t_ns,
+        picture_age_s=1e-3 * numbers["picture_age_ms"],
+        slope_sagittal_rad=numbers["slope_sagittal_rad"],
+        slope_frontal_rad=numbers["slope_frontal_rad"],
+        height_m=numbers["height_m"],
+        slope_sagittal_sd_rad=numbers["slope_sagittal_sd_rad"],
+        slope_frontal_sd_rad=numbers["slope_frontal_sd_rad"],
+        height_sd_m=numbers["height_sd_m"],
+    )
+
+
 def _foothold(told: Told) -> ReceivedFoothold | None:
     numbers = told.numbers
     if any(map(math.isnan, numbers.values())) or told.words["side"] == RESERVED:
@@ -174,6 +208,12 @@ def _edge(numbers: dict[str, float], *, bound_only: bool) -> ReceivedEdge:
 
 PAIRS: dict[type[CanEstimate], PairOfFrames[Any]] = {
     ReceivedGround: PairOfFrames(CanMessage.GROUND, CanMessage.GROUND_QUALITY, TOPIC_OF[GroundPlane], _ground),
+    ReceivedPropagatedGround: PairOfFrames(
+        CanMessage.PROPAGATED_GROUND,
+        CanMessage.PROPAGATED_GROUND_QUALITY,
+        TOPIC_OF[PropagatedGround],
+        _propagated_ground,
+    ),
     ReceivedFoothold: PairOfFrames(CanMessage.FOOTHOLD, CanMessage.FOOTHOLD_QUALITY, TOPIC_OF[Terrain], _foothold),
     ReceivedTerrain: PairOfFrames(CanMessage.TERRAIN, CanMessage.TERRAIN_QUALITY, TOPIC_OF[Terrain], _terrain),
 }

@@ -4,7 +4,7 @@ import enum
 
 import msgspec
 
-from messages.estimates import Attitude, GroundPlane, GroundTruth, Health, Motion
+from messages.estimates import Attitude, GroundPlane, GroundTruth, Health, Motion, PropagatedGround
 from messages.inputs import (
     AnkleState,
     DepthFrame,
@@ -75,6 +75,14 @@ _ROWS = (
         message=GroundPlane,
         rate_hz=20.0,
         deadline_s=0.100,
+        drop=DropRule.NEWEST_WINS,
+        published=True,
+    ),
+    Topic(
+        name="propagated_ground",
+        message=PropagatedGround,
+        rate_hz=100.0,
+        deadline_s=0.060,
         drop=DropRule.NEWEST_WINS,
         published=True,
     ),

@@ -7,7 +7,7 @@ from daemon.publish_can import CanPublisher
 from drivers.can.link import SendResult
 from messages import TOPIC_OF, GroundPlane, Health
 from messages.can_frames import CanFrame, CanMessage, can_id, decode
-from tests.bench.can_samples import attitude, ground, health, invalid_ground, stamp, terrain
+from tests.bench.can_samples import attitude, ground, health, invalid_ground, propagated_ground, stamp, terrain
 
 GROUND, QUALITY, HEALTH = (can_id(m) for m in (CanMessage.GROUND, CanMessage.GROUND_QUALITY, CanMessage.HEALTH))
 
@@ -53,6 +53,17 @@ def test_an_estimate_goes_out_as_two_halves_and_health_as_one() -> None:
     publisher.drain(0.0)
     assert link.ids == [GROUND, QUALITY, HEALTH]
     assert (publisher.sent, publisher.errors) == (3, 0)
+
+
+def test_of_carried_grounds_that_come_together_the_newest_goes_out_and_that_is_no_error() -> None:
+    link = Link()
+    publisher = publisher_on(link)
+    for k in range(3):
+        publisher.publish(propagated_ground(height_m=0.9 + 0.01 * k), stamp(seq=k))
+    publisher.drain(0.0)
+    assert link.ids == [can_id(CanMessage.PROPAGATED_GROUND), can_id(CanMessage.PROPAGATED_GROUND_QUALITY)]
+    assert decode(CanMessage.PROPAGATED_GROUND, link.offered[0].data).numbers["height_m"] == pytest.approx(0.92)
+    assert (publisher.superseded, publisher.errors) == (2, 0)
 
 
 def test_terrain_goes_out_after_the_ground_with_the_foothold_first() -> None:

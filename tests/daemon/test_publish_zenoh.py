@@ -26,7 +26,17 @@ from drivers.zenoh.settings import SOCKET, Credentials, ZenohSettings
 from lab.faults.zenoh_bytes import ZenohBytes
 from messages import TOPICS, Calibration, Estimate, GroundPlane, Source, UserError, ZenohHealth
 from messages.codec import decode, published_schemas
-from tests.bench.can_samples import attitude, calibration, ground, health, invalid_ground, motion, stamp, terrain
+from tests.bench.can_samples import (
+    attitude,
+    calibration,
+    ground,
+    health,
+    invalid_ground,
+    motion,
+    propagated_ground,
+    stamp,
+    terrain,
+)
 from tests.bench.zenoh_peer import arrival, client, free_endpoint
 
 pytestmark = pytest.mark.realtime
@@ -75,6 +85,7 @@ def test_health_is_not_crowded_out_by_what_comes_a_hundred_times_a_second(live: 
 
     with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/*/v2") as subscriber:
         assert priority(health()) == zenoh.Priority.INTERACTIVE_HIGH
+        assert priority(propagated_ground()) == zenoh.Priority.INTERACTIVE_LOW
         assert priority(attitude()) == priority(motion()) == zenoh.Priority.DATA_HIGH
 
 
@@ -131,6 +142,7 @@ def test_calibration_configuration_and_schema_are_answered(live: ZenohPublisher,
 ESTIMATES: dict[str, Estimate] = {
     "attitude": attitude(),
     "ground": ground(),
+    "propagated_ground": propagated_ground(),
     "motion": motion(),
     "terrain": terrain(),
     "health": health(),

@@ -26,7 +26,7 @@ from impedance.ankle.table import load_table
 from impedance.ankle.trial import load_trial
 from impedance.recording.c3d import read_c3d
 from impedance.recording.recording import PlatformRecording
-from messages import Attitude, Estimate, GroundPlane, Health, Motion, Terrain, UserError
+from messages import Attitude, Estimate, GroundPlane, Health, Motion, PropagatedGround, Terrain, UserError
 from messages.can_estimates import PAIRS, CanEstimate
 from messages.can_frames import CanMessage, can_id, decode_ankle, profile
 from messages.can_receiver import CanReceiver
@@ -143,7 +143,7 @@ def _c3d(path: Path) -> None:
 
 
 def _payload(data: bytes, _folder: Path) -> bool:
-    kinds: tuple[type[Estimate], ...] = (GroundPlane, Attitude, Motion, Terrain, Health)
+    kinds: tuple[type[Estimate], ...] = (GroundPlane, PropagatedGround, Attitude, Motion, Terrain, Health)
     receivers = [JsonReceiver(kind, samples.DEVICE, boot_id=samples.BOOT) for kind in kinds]
     t_ns = samples.T_NS + 1_000_000
     return any(isinstance(receiver.feed(data, t_ns, t_ns), Received) for receiver in receivers)

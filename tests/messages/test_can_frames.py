@@ -20,6 +20,7 @@ from messages import (
     Health,
     Load,
     NextFoothold,
+    PropagatedGround,
     Reason,
     Side,
     Source,
@@ -30,7 +31,7 @@ from messages import (
 from messages.can_encoder import CanEncoder
 from messages.can_frames import NOT_AVAILABLE, CanMessage, EdgeTold, database, decode, decode_ankle, profile
 from messages.e2e import E2eCheck, E2eReceiver, E2eSender, Profile2
-from tests.bench.can_samples import NAN, ground, health, invalid_ground, stamp, terrain
+from tests.bench.can_samples import NAN, ground, health, invalid_ground, propagated_ground, stamp, terrain
 
 ALL_MESSAGES = pytest.mark.parametrize("message", list(CanMessage))
 IDS_0_TO_15 = Profile2(length=8, data_ids=bytes(range(16)), max_delta=3, cycle_s=0.05)
@@ -104,6 +105,9 @@ def test_after_a_silence_the_sequence_begins_anew() -> None:
         ("GROUND", "status", Status),
         ("GROUND", "source", Source),
         ("GROUND_QUALITY", "reason", Reason),
+        ("PROPAGATED_GROUND", "status", Status),
+        ("PROPAGATED_GROUND", "source", Source),
+        ("PROPAGATED_GROUND_QUALITY", "reason", Reason),
         ("FOOTHOLD", "status", Status),
         ("FOOTHOLD", "source", Source),
         ("FOOTHOLD", "side", Side),
@@ -179,6 +183,8 @@ def test_no_two_messages_share_a_data_id() -> None:
 def test_the_cycle_times_are_those_of_the_topics() -> None:
     cycles = {message.value: profile(message).cycle_s for message in CanMessage}
     assert cycles["GROUND"] == cycles["GROUND_QUALITY"] == pytest.approx(1.0 / TOPIC_OF[GroundPlane].rate_hz)
+    carried = [cycles[name] for name in ("PROPAGATED_GROUND", "PROPAGATED_GROUND_QUALITY")]
+    assert carried == pytest.approx([1.0 / TOPIC_OF[PropagatedGround].rate_hz] * 2)
     of_terrain = [cycles[name] for name in ("FOOTHOLD", "FOOTHOLD_QUALITY", "TERRAIN", "TERRAIN_QUALITY")]
     assert of_terrain == pytest.approx([1.0 / TOPIC_OF[Terrain].rate_hz] * 4)
     assert cycles["HEALTH"] == pytest.approx(1.0 / TOPIC_OF[Health].rate_hz)
@@ -325,3 +331,23 @@ def test_a_next_step_that_is_not_known_has_no_number_in_a_valid_estimate() -> No
     assert told.words == {"status": "valid", "source": "live", "side": "left"}
     known = [name for name, number in (told.numbers | quality.numbers).items() if not math.isnan(number)]
     assert known == ["crc", "counter", "frame_number", "age_ms"]
+
+
+def test_the_carried_ground_tells_the_age_of_its_picture_rounded_up() -> None:
+    first, second = CanEncoder().propagated_ground(propagated_ground(), stamp(), 0.0041)
+    told = decode(CanMessage.PROPAGATED_GROUND, first.data)
+    quality = decode(CanMessage.PROPAGATED_GROUND_QUALITY, second.data)
+    assert told.words == {"status": "valid", "source": "live"}
+    assert (told.numbers["age_ms"], quality.numbers["picture_age_ms"]) == (5.0, 63.0)
+    assert told.numbers["height_m"] == pytest.approx(0.917)
+    assert quality.numbers["height_sd_m"] == pytest.approx(0.004)
+
+
+@pytest.mark.parametrize("change", [{"height_m": 5.0}, {"picture_age_s": NAN}, {"covariance": (1.0,) * 6}])
+def test_a_carried_ground_that_does_not_fit_is_void(change: dict[str, object]) -> None:
+    first, second = CanEncoder().propagated_ground(propagated_ground(**change), stamp(), 0.004)
+    told = decode(CanMessage.PROPAGATED_GROUND, first.data)
+    quality = decode(CanMessage.PROPAGATED_GROUND_QUALITY, second.data)
+    assert (told.words["status"], quality.words["reason"]) == ("invalid", "out_of_range")
+    assert math.isnan(told.numbers["height_m"])
+    assert math.isnan(quality.numbers["picture_age_ms"])

@@ -110,7 +110,14 @@ def changed(frame: CanFrame, message: CanMessage, name: str, raw: int) -> CanFra
 def test_a_valid_pair_that_lacks_something_is_refused(message: CanMessage, name: str, raw: int) -> None:
     node = Node()
     frames = node.frames(terrain())
-    order: list[CanMessage] = [each for each in CanMessage if each not in (CanMessage.ANKLE_STATE, CanMessage.HEALTH)]
+    order: list[CanMessage] = [
+        CanMessage.GROUND,
+        CanMessage.GROUND_QUALITY,
+        CanMessage.FOOTHOLD,
+        CanMessage.FOOTHOLD_QUALITY,
+        CanMessage.TERRAIN,
+        CanMessage.TERRAIN_QUALITY,
+    ]
     place = order.index(message)
     frames[place] = changed(frames[place], message, name, raw)
     told = node.told(frames)

@@ -21,6 +21,7 @@ from messages import (
     GroundPlane,
     Health,
     Motion,
+    PropagatedGround,
     Refusal,
     Source,
     Status,
@@ -29,7 +30,7 @@ from messages import (
 )
 from messages.codec import encode_line
 from messages.json_receiver import LONGEST_PAYLOAD_BYTES, Received
-from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion, stamp, terrain
+from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion, propagated_ground, stamp, terrain
 from tests.bench.zenoh_peer import PATIENCE_POLLS, POLL_S, free_endpoint
 
 KEY = "gaiteyes/unit-1/ground/v2"
@@ -276,6 +277,7 @@ def test_a_service_that_comes_back_is_found_again(endpoint: str) -> None:
 SAMPLES: dict[type[Estimate], tuple[Estimate, str]] = {
     Attitude: (attitude(), "t_sample_ns"),
     GroundPlane: (ground(), "t_exposure_ns"),
+    PropagatedGround: (propagated_ground(), "t_sample_ns"),
     Motion: (motion(), "t_exposure_ns"),
     Terrain: (terrain(), "t_exposure_ns"),
     Health: (health(), "t_ns"),
@@ -326,7 +328,7 @@ def test_nobody_to_connect_to_is_one_clear_line(connect: str) -> None:
     ],
 )
 def test_a_topic_that_is_none_is_one_clear_line(topic: str, device: str | None) -> None:
-    with pytest.raises(UserError, match="TOPIC one of attitude, ground, motion, terrain, health"):
+    with pytest.raises(UserError, match="TOPIC one of attitude, ground, propagated_ground, motion, terrain, health"):
         listen(topic, device)
 
 
