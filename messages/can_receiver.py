@@ -30,7 +30,8 @@ class CanReceiver(Generic[R]):
     The age in a frame ends at the sender. Frames that then wait in the queue of a stuck bus come out later as a burst
     after a silence: the first is refused as INITIAL, the others as TOO_SOON, until the sender's rhythm is back.
 
-    Corruption that goes unnoticed: of frames hit at random 1 in 256, times 3 of 16 counters (`messages.e2e`).
+    Corruption that goes unnoticed: of frames hit at random 1 in 256, times the 3 (of carried grounds 6) of 16 counters
+    that may come next (`messages.e2e`).
     """
 
     def __init__(self, kind: type[R], *, max_age_s: float | None = None, accept_simulated: bool = False) -> None:

@@ -66,6 +66,26 @@ def test_of_carried_grounds_that_come_together_the_newest_goes_out_and_that_is_n
     assert (publisher.superseded, publisher.errors) == (2, 0)
 
 
+def test_carried_grounds_are_sent_half_a_cycle_apart_and_hold_up_nothing_else() -> None:
+    link, now_ns = Link(), [SENT_NS]
+    publisher = CanPublisher(link, now_ns=lambda: now_ns[0])
+    carried = [can_id(CanMessage.PROPAGATED_GROUND), can_id(CanMessage.PROPAGATED_GROUND_QUALITY)]
+    publisher.publish(propagated_ground(), stamp(seq=0))
+    publisher.drain(0.0)
+    publisher.publish(propagated_ground(height_m=0.91), stamp(seq=1))
+    publisher.publish(ground(), stamp(seq=1))
+    publisher.drain(0.0)
+    assert link.ids == [*carried, GROUND, QUALITY]
+    now_ns[0] += 4_999_999
+    publisher.publish(propagated_ground(height_m=0.92), stamp(seq=2))
+    publisher.drain(0.0)
+    assert len(link.ids) == 4
+    now_ns[0] += 1
+    publisher.drain(0.0)
+    assert link.ids == [*carried, GROUND, QUALITY, *carried]
+    assert decode(CanMessage.PROPAGATED_GROUND, link.offered[4].data).numbers["height_m"] == pytest.approx(0.92)
+
+
 def test_terrain_goes_out_after_the_ground_with_the_foothold_first() -> None:
     link = Link()
     publisher = publisher_on(link)
