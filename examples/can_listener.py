@@ -9,14 +9,9 @@ arguments.add_argument("--interface", default="slcan", help="of python-can: slca
 arguments.add_argument("--channel", default="socket://127.0.0.1:29536", help="as /dev/ttyACM0, can0, 239.74.163.2")
 arguments.add_argument("--accept-simulated", action="store_true")
 options = arguments.parse_args()
+bus, kinds = f"{options.interface}:{options.channel}", (gaiteyes.ReceivedGround, gaiteyes.ReceivedTerrain)
 try:
-    listener = gaiteyes.listen_can(
-        f"{options.interface}:{options.channel}",
-        gaiteyes.ReceivedGround,
-        gaiteyes.ReceivedTerrain,
-        accept_simulated=options.accept_simulated,
-        timeout_s=0.2,
-    )
+    listener = gaiteyes.listen_can(bus, *kinds, accept_simulated=options.accept_simulated, timeout_s=0.2)
 except gaiteyes.UserError as error:
     arguments.exit(2, f"{error}\n")
 with listener:
@@ -28,7 +23,7 @@ with listener:
                 height = f"height {found.height_m:.3f} ± {found.height_sd_m:.3f} m"
                 print("ground", source, slope, height, age, flush=True)
             elif isinstance(found, gaiteyes.ReceivedTerrain):
-                edge = "" if found.edge is None else f"rises {found.edge.rise_m:.3f} m in {found.edge.distance_m:.2f} m"
-                print("terrain", source, found.kind.value, edge, age, flush=True)
+                edge = found.edge and f"edge {found.edge.rise_m:+.3f} m in {found.edge.distance_m:.2f} m"
+                print("terrain", source, found.kind.value, edge or "no edge", age, flush=True)
         refused = {why.value: count for why, count in listener.refused.items()}
         print("silence, refused", refused, listener.reason, flush=True)
