@@ -5,6 +5,7 @@ numbers at all. Standard deviations and ages are rounded up and probabilities do
 than the estimate did.
 """
 
+import functools
 import math
 from collections.abc import Callable, Mapping
 from enum import Enum
@@ -88,7 +89,7 @@ class CanEncoder:
         age_s: float,
     ) -> tuple[CanFrame, CanFrame]:
         """Return both halves, each value in the one that has a signal of its name."""
-        layout = codes(pair[0]) | codes(pair[1])
+        layout = _layout(*pair)
         content = content_of(estimate)
         raws = _raw_numbers(layout, content)
         unfit = any(raws[name] is None for name, value in content.numbers.items() if value is not None)
@@ -116,6 +117,11 @@ class CanEncoder:
             if (value := layout[name].not_available if raw is None else raw) is not None
         }
         return CanFrame(can_id(message), self._senders[message].protect(packed(message, present)))
+
+
+@functools.cache
+def _layout(first: CanMessage, second: CanMessage) -> dict[str, Code]:
+    return codes(first) | codes(second)
 
 
 def _ground_content(ground: GroundPlane) -> _Content:

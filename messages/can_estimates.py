@@ -109,6 +109,16 @@ class Told(NamedTuple):
     words: dict[str, str]
     numbers: dict[str, float]
 
+    @property
+    def lacks(self) -> list[str]:
+        """Return the names of the numbers that are missing."""
+        return [name for name, number in self.numbers.items() if math.isnan(number)]
+
+    def converted(self, estimate: type[R], /, **changed: object) -> R:
+        """Return the estimate whose fields are named as signals are, but for those `changed`."""
+        fields = {**self.numbers, **self.words, "source": self.source, "age_s": self.age_s, **changed}
+        return msgspec.convert(fields, estimate)
+
 
 class PairOfFrames(NamedTuple, Generic[R]):
     """The two frames of one kind of estimate, its topic, and how they are read: None where a number is missing."""
@@ -120,78 +130,37 @@ class PairOfFrames(NamedTuple, Generic[R]):
 
 
 def _ground(told: Told) -> ReceivedGround | None:
-    numbers = told.numbers
-    if any(map(math.isnan, numbers.values())):
+    if told.lacks:
         return None
-    return ReceivedGround(
-        source=told.source,
-        age_s=told.age_s,
-        t_exposure_ns=told.t_ns,
-        slope_sagittal_rad=numbers["slope_sagittal_rad"],
-        slope_frontal_rad=numbers["slope_frontal_rad"],
-        height_m=numbers["height_m"],
-        slope_sagittal_sd_rad=numbers["slope_sagittal_sd_rad"],
-        slope_frontal_sd_rad=numbers["slope_frontal_sd_rad"],
-        height_sd_m=numbers["height_sd_m"],
-        calibration_id=f"{round(numbers['calibration_id']):03x}",
-    )
+    calibration_id = f"{round(told.numbers['calibration_id']):03x}"
+    return told.converted(ReceivedGround, t_exposure_ns=told.t_ns, calibration_id=calibration_id)
 
 
 def _propagated_ground(told: Told) -> ReceivedPropagatedGround | None:
-    numbers = told.numbers
-    if any(map(math.isnan, numbers.values())):
+    if told.lacks:
         return None
-    return ReceivedPropagatedGround(
-        source=told.source,
-        age_s=told.age_s,
-        t_sample_ns=told.t_ns,
-        picture_age_s=1e-3 * numbers["picture_age_ms"],
-        slope_sagittal_rad=numbers["slope_sagittal_rad"],
-        slope_frontal_rad=numbers["slope_frontal_rad"],
-        height_m=numbers["height_m"],
-        slope_sagittal_sd_rad=numbers["slope_sagittal_sd_rad"],
-        slope_frontal_sd_rad=numbers["slope_frontal_sd_rad"],
-        height_sd_m=numbers["height_sd_m"],
-    )
+    picture_age_s = 1e-3 * told.numbers["picture_age_ms"]
+    return told.converted(ReceivedPropagatedGround, t_sample_ns=told.t_ns, picture_age_s=picture_age_s)
 
 
 def _foothold(told: Told) -> ReceivedFoothold | None:
-    numbers = told.numbers
-    if any(map(math.isnan, numbers.values())) or told.words["side"] == RESERVED:
+    if told.lacks or told.words["side"] == RESERVED:
         return None
-    return ReceivedFoothold(
-        source=told.source,
-        age_s=told.age_s,
-        t_exposure_ns=told.t_ns,
-        side=Side(told.words["side"]),
-        ahead_m=numbers["ahead_m"],
-        ahead_sd_m=numbers["ahead_sd_m"],
-        left_m=numbers["left_m"],
-        left_sd_m=numbers["left_sd_m"],
-        rise_m=numbers["rise_m"],
-        rise_sd_m=numbers["rise_sd_m"],
-        time_to_contact_s=numbers["time_to_contact_s"],
-        time_to_contact_sd_s=numbers["time_to_contact_sd_s"],
-    )
+    return told.converted(ReceivedFoothold, t_exposure_ns=told.t_ns)
 
 
 def _terrain(told: Told) -> ReceivedTerrain | None:
     numbers, kind, edge = told.numbers, told.words["kind"], told.words["edge"]
     may_lack: tuple[str, ...] = ("edge_",) if edge == EdgeTold.NONE else ()
     may_lack += () if numbers["obstacles_ahead"] else ("obstacle_",)
-    lacks = [name for name, number in numbers.items() if math.isnan(number)]
-    if edge == RESERVED or not all(name.startswith(may_lack) for name in lacks):
+    if edge == RESERVED or not all(name.startswith(may_lack) for name in told.lacks):
         return None
-    return ReceivedTerrain(
-        source=told.source,
-        age_s=told.age_s,
+    return told.converted(
+        ReceivedTerrain,
         t_exposure_ns=told.t_ns,
-        kind=TerrainKind.UNKNOWN if kind == RESERVED else TerrainKind(kind),
-        probability=numbers["probability"],
+        kind=TerrainKind.UNKNOWN if kind == RESERVED else kind,
         edge=None if edge == EdgeTold.NONE else _edge(numbers, bound_only=edge == EdgeTold.BOUND_ONLY),
         edges_ahead=round(numbers["edges_ahead"]),
-        obstacle_distance_m=numbers["obstacle_distance_m"],
-        obstacle_left_m=numbers["obstacle_left_m"],
         obstacles_ahead=round(numbers["obstacles_ahead"]),
     )
 

@@ -105,6 +105,7 @@ class Code(msgspec.Struct, frozen=True):
     raw_max: int
     not_available: int | None
     words: dict[int, str]
+    raw_of: dict[str, int]
 
     def raw(self, value: float, rounded: Callable[[float], int] = round) -> int | None:
         """Return the raw value of `value`, `rounded` to a step, or None if it is NaN or does not fit."""
@@ -116,7 +117,7 @@ class Code(msgspec.Struct, frozen=True):
 
     def raw_of_word(self, word: enum.Enum) -> int:
         """Return the raw value whose name is the enum member's value; KeyError if the DBC lacks it."""
-        return {name: raw for raw, name in self.words.items()}[word.value]
+        return self.raw_of[word.value]
 
 
 def up(steps: float) -> int:
@@ -134,6 +135,7 @@ _ROUNDING_ERROR = 1e-9
 
 def _code(signal: Signal) -> Code:
     choices = {raw: str(name) for raw, name in (signal.choices or {}).items()}
+    words = {raw: name for raw, name in choices.items() if name != NOT_AVAILABLE}
     scale, low, high = float(signal.scale), float(signal.minimum or 0), float(signal.maximum or 0)
     return Code(
         signal.start,
@@ -142,7 +144,8 @@ def _code(signal: Signal) -> Code:
         round(low / scale),
         round(high / scale),
         next((raw for raw, name in choices.items() if name == NOT_AVAILABLE), None),
-        {raw: name for raw, name in choices.items() if name != NOT_AVAILABLE},
+        words,
+        {name: raw for raw, name in words.items()},
     )
 
 
