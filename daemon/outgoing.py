@@ -9,18 +9,17 @@ from daemon.recorder import Recorder
 from daemon.stamping import Stamper
 from daemon.watch import GroundWatch
 from messages import (
-    Attitude,
     Estimate,
     FrameHeader,
     GroundPlane,
     Health,
-    Motion,
+    PropagatedGround,
     Reason,
     Stamp,
     Status,
-    Terrain,
     capture_ns,
 )
+from perception.ground.propagation import OLDEST_PICTURE_NS
 
 STALE_NS = 140_000_000
 """From exposure, or sample, to here. What took longer is published as late, not valid: the wearer has moved on.
@@ -121,32 +120,10 @@ def withdrawn_if_late(estimate: Estimate, now_ns: int) -> Estimate:
     """Return `estimate`, or what is left of a valid one that is older than `STALE_NS`: no numbers, reason LATE."""
     if isinstance(estimate, Health) or estimate.status is not Status.VALID:
         return estimate
-    if now_ns - capture_ns(estimate) <= STALE_NS:
+    if isinstance(estimate, PropagatedGround):
+        too_old = now_ns - estimate.t_sample_ns + 1e9 * estimate.picture_age_s > OLDEST_PICTURE_NS
+    else:
+        too_old = now_ns - capture_ns(estimate) > STALE_NS
+    if not too_old:
         return estimate
-    if isinstance(estimate, Attitude):
-        return Attitude.invalid(
-            t_sample_ns=estimate.t_sample_ns, reason=Reason.LATE, calibration_id=estimate.calibration_id
-        )
-    if isinstance(estimate, Motion):
-        return Motion.invalid(
-            t_exposure_ns=estimate.t_exposure_ns,
-            frame_seq=estimate.frame_seq,
-            reason=Reason.LATE,
-            calibration_id=estimate.calibration_id,
-        )
-    if isinstance(estimate, Terrain):
-        return Terrain.invalid(
-            t_exposure_ns=estimate.t_exposure_ns,
-            frame_seq=estimate.frame_seq,
-            reason=Reason.LATE,
-            side=estimate.foothold.side,
-            calibration_id=estimate.calibration_id,
-        )
-    return GroundPlane.invalid(
-        t_exposure_ns=estimate.t_exposure_ns,
-        frame_seq=estimate.frame_seq,
-        reason=Reason.LATE,
-        ahead_m=estimate.ahead_m,
-        calibration_id=estimate.calibration_id,
-        matched_share=estimate.matched_share,
-    )
+    return estimate.without_numbers(Reason.LATE)

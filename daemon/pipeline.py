@@ -9,6 +9,7 @@ from daemon.config import parse_configuration
 from daemon.health import HealthMonitor
 from messages import (
     TOPICS,
+    Attitude,
     Estimate,
     Frame,
     FrameHeader,
@@ -19,6 +20,7 @@ from messages import (
     Load,
     LoadLevel,
     Motion,
+    PropagatedGround,
     Reason,
     Reconfigured,
     Status,
@@ -31,6 +33,7 @@ from perception.attitude.track import AttitudeTrack
 from perception.frame_guard import FrameGuard
 from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
+from perception.ground.propagation import GroundPropagation
 from perception.motion.odometry import Odometry
 from perception.motion.watch import MotionWatch
 from perception.sample_guard import SampleGuard
@@ -60,7 +63,8 @@ PICTURES_WRONG = (Reason.VIEW_DEFORMED, Reason.EYES_SWAPPED)
 
 
 class Pipeline:
-    """Attitude from each IMU sample; ground, the wearer's motion and terrain from each frame; health once a second."""
+    """Attitude and the ground carried to each IMU sample; ground, the wearer's motion and terrain from each frame;
+    health once a second."""
 
     def __init__(self, calibration: UnitCalibration, foothold: FootholdSettings, learnt: Learnt | None = None) -> None:
         """Begin with what the unit has `learnt` in runs before; raises UserError where that is another unit's."""
@@ -78,6 +82,7 @@ class Pipeline:
         self._terrain = TerrainEstimator(
             calibration, self._ground.camera, self._ground.R_BC, foothold.nominal_height_m, foothold.side
         )
+        self._propagation = GroundPropagation(calibration, self._ground.R_BC)
         self._waiting: Frame | None = None
         self._imu_arrival_ns: int | None = None
         self._newest_sample_ns: int | None = None
@@ -124,7 +129,10 @@ class Pipeline:
         self._motion.add_sample(sample)
         attitude = self._attitude.add_sample(sample)
         inconsistent = self._contradiction is Reason.IMU_INCONSISTENT
-        yield self._attitude.invalid_at(sample.t_sample_ns, Reason.IMU_INCONSISTENT) if inconsistent else attitude
+        if inconsistent:
+            attitude = self._attitude.invalid_at(sample.t_sample_ns, Reason.IMU_INCONSISTENT)
+        yield attitude
+        yield self._propagated(attitude)
         if self._waiting is not None and self._imu_reaches(self._waiting):
             yield from self._estimate_ground(self._waiting)
 
@@ -163,6 +171,7 @@ class Pipeline:
             return
         self._imu_silent = True
         yield self._attitude.invalid_at(t_ns)
+        yield self._propagation.no_ground(t_ns, Reason.NO_IMU)
         yield from self._nothing(t_ns, NO_FRAME_SEQ, Reason.NO_IMU)
 
     def _imu_reaches(self, frame: Frame) -> bool:
@@ -177,6 +186,7 @@ class Pipeline:
         placed = self._placed(frame.header)
         ground = self._ground_of(frame, placed)
         yield ground
+        self._propagate(ground, placed)
         yield self._motion_of(frame.header, placed)
         if not self._passes_over:
             yield self._terrain_of(frame, placed, ground.reason)
@@ -219,6 +229,18 @@ class Pipeline:
             return self._no_ground(frame.header.t_exposure_ns, frame.header.seq, Reason.UNCONFIRMED)
         return ground
 
+    def _propagate(self, ground: GroundPlane, placed: AttitudeAt | Reason) -> None:
+        """Carry `ground` to the samples from now on."""
+        if ground.status is not Status.VALID or isinstance(placed, Reason):
+            self._propagation.drop(ground.reason)
+        else:
+            self._propagation.begin(ground, self._attitude.path_from(placed), *self._attitude.motion_covariance)
+
+    def _propagated(self, attitude: Attitude) -> PropagatedGround:
+        if attitude.status is not Status.VALID:
+            return self._propagation.no_ground(attitude.t_sample_ns, attitude.reason)
+        return self._propagation.at(self._attitude.newest)
+
     def _motion_of(self, header: FrameHeader, placed: AttitudeAt | Reason) -> Motion:
         if isinstance(placed, Reason):
             return self._odometry.no_motion(header.t_exposure_ns, header.seq, placed)
@@ -245,6 +267,7 @@ class Pipeline:
         )
 
     def _nothing(self, t_ns: int, seq: int, reason: Reason) -> Iterator[Estimate]:
+        self._propagation.drop(reason)
         yield self._no_ground(t_ns, seq, reason)
         yield self._odometry.no_motion(t_ns, seq, reason)
         yield self._terrain.no_terrain(t_ns, seq, reason)

@@ -12,8 +12,12 @@ from typing import Protocol
 
 from daemon.outgoing import withdrawn_if_late
 from drivers.can.link import SendResult
-from messages import TOPIC_OF, Estimate, GroundPlane, Health, Stamp
-from messages.can_frames import CanEncoder, CanFrame
+from messages import TOPIC_OF, Estimate, GroundPlane, Health, PropagatedGround, Stamp, Terrain
+from messages.can_encoder import CanEncoder
+from messages.can_frames import CanFrame
+
+CARRIED_SPACING_NS = TOPIC_OF[PropagatedGround].period_ns // 2
+"""From one carried ground on the bus to the next, at least."""
 
 
 class FrameSender(Protocol):
@@ -27,10 +31,14 @@ class FrameSender(Protocol):
 
 
 class CanPublisher:
-    """Sends ground estimates (GROUND, then GROUND_QUALITY) and health; other estimates do not go on CAN.
+    """Sends ground, the ground carried to now, terrain with the next foothold, and health; nothing else goes on CAN.
 
     `errors` counts what never reached the bus: frames by `failures`, and estimates by `superseded` and by `late`, those
     that waited for longer than the deadline of their topic, or until they were too old (`daemon.outgoing`).
+
+    Samples that waited for a frame are worked on one right after the other, so carried grounds come in bursts. They are
+    sent half a cycle apart, the newest each time, because receivers refuse what comes on the heels of another; one that
+    a newer one replaces is no error.
     """
 
     name = "can"
@@ -45,26 +53,31 @@ class CanPublisher:
         self._now_ns = now_ns
         self._encoder = CanEncoder()
         self._waiting: dict[type[Estimate], tuple[Estimate, Stamp]] = {}
+        self._carried_from_ns = 0
         self._filled = threading.Condition()
 
     def publish(self, estimate: Estimate, stamp: Stamp) -> None:
         """Leave `estimate` to be sent; never waits for the bus."""
-        if not isinstance(estimate, GroundPlane | Health):
+        if not isinstance(estimate, GroundPlane | PropagatedGround | Terrain | Health):
             return
         with self._filled:
             if type(estimate) in self._waiting:
                 self.superseded += 1
-                self.errors += 1
+                self.errors += not isinstance(estimate, PropagatedGround)
             self._waiting[type(estimate)] = estimate, stamp
             self._filled.notify()
 
     def drain(self, timeout_s: float) -> None:
         """Send what waits, or return after `timeout_s` without anything. Called by the bus's own thread."""
         with self._filled:
-            if not self._waiting:
-                self._filled.wait(timeout_s)
-            waiting, self._waiting = self._waiting, {}
-        for estimate, stamp in waiting.values():
+            if not self._due():
+                self._filled.wait(self._pause_s(timeout_s))
+            due = self._due()
+            for kind in due:
+                del self._waiting[kind]
+        for estimate, stamp in due.values():
+            if isinstance(estimate, PropagatedGround):
+                self._carried_from_ns = self._now_ns() + CARRIED_SPACING_NS
             if self._is_late(estimate, stamp):
                 with self._filled:
                     self.late += 1
@@ -74,12 +87,22 @@ class CanPublisher:
                 result = self._link.send(frame)
                 if result is not SendResult.SENT:
                     self._count_failure(result)
-                    break  # half an estimate is of no use
+                    break  # half an estimate is of no use, and the bus takes no more
                 self.sent += 1
 
     def close(self) -> None:
         """Release the bus; what still waits is not sent."""
         self._link.close()
+
+    def _due(self) -> dict[type[Estimate], tuple[Estimate, Stamp]]:
+        held = self._now_ns() < self._carried_from_ns
+        return {kind: each for kind, each in self._waiting.items() if not (held and kind is PropagatedGround)}
+
+    def _pause_s(self, timeout_s: float) -> float:
+        """Return for how long to wait for something new: no longer than until what waits is due."""
+        if not self._waiting:
+            return timeout_s
+        return min(timeout_s, max(0.0, 1e-9 * (self._carried_from_ns - self._now_ns())))
 
     def _is_late(self, estimate: Estimate, stamp: Stamp) -> bool:
         now_ns = self._now_ns()
@@ -92,10 +115,14 @@ class CanPublisher:
             self.errors += 1
 
     def _frames(self, estimate: Estimate, stamp: Stamp) -> tuple[CanFrame, ...]:
+        # The stamp's age ends when the estimate was handed out; the frame tells the age at transmission.
+        age_s = stamp.age_s + 1e-9 * (self._now_ns() - stamp.t_publish_ns)
         if isinstance(estimate, GroundPlane):
-            # The stamp's age ends when the estimate was handed out; the frame tells the age at transmission.
-            age_s = stamp.age_s + 1e-9 * (self._now_ns() - stamp.t_publish_ns)
             return self._encoder.ground(estimate, stamp, age_s)
+        if isinstance(estimate, PropagatedGround):
+            return self._encoder.propagated_ground(estimate, stamp, age_s)
+        if isinstance(estimate, Terrain):
+            return (*self._encoder.foothold(estimate, stamp, age_s), *self._encoder.terrain(estimate, stamp, age_s))
         if isinstance(estimate, Health):
             return (self._encoder.health(estimate, stamp),)
         return ()

@@ -2,7 +2,7 @@
 
 Exact keys, for a device called DEVICE; a replay has `replay/` after the device everywhere, and so never looks live:
 
-    gaiteyes/DEVICE/ground/v1, …/attitude/v1, …/motion/v1, …/health/v1   published (messages.topics: rates, deadlines)
+    gaiteyes/DEVICE/ground/v2, …/terrain/v2, …/health/v2, …    published (messages.topics: names, rates, deadlines)
     gaiteyes/DEVICE/alive                                   liveliness token: presence, not a watchdog (10 s lease)
     gaiteyes/DEVICE/calibration                             queryable: the calibration in use
     gaiteyes/DEVICE/configuration                           queryable: the service's settings
@@ -32,6 +32,7 @@ from messages import (
     Estimate,
     GroundPlane,
     Health,
+    PropagatedGround,
     Stamp,
     UnitCalibration,
     UserError,
@@ -45,9 +46,10 @@ MOST_ANSWERS_PER_S = 50
 _PRIORITIES: dict[type[msgspec.Struct], zenoh.Priority] = {
     GroundPlane: zenoh.Priority.REAL_TIME,
     Health: zenoh.Priority.INTERACTIVE_HIGH,
+    PropagatedGround: zenoh.Priority.INTERACTIVE_LOW,
 }
 """Each has a queue of its own: what is sent a hundred times a second crowds out neither the ground nor the one message
-a second that says how the service is."""
+a second that says how the service is, and attitudes do not crowd out what a controller acts on."""
 
 _DEVICE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 

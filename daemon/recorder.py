@@ -4,7 +4,7 @@
 does all the work: encoding, copying the pixels, writing. Memory is bounded:
 
 - waiting for `drain`: at most `queue_frames` frames, whose pixel buffers stay in use meanwhile (a pool needs as many
-  more), and `queue_messages` messages (about 10 s without frames);
+  more), and `queue_messages` messages (about 8 s without frames);
 - in the ring: `last_s` seconds of packed copies, which hold no pixel buffers; about 19 MB a second at 1280×720 and
   20 fps (`daemon.recording_ring`). Beyond `ring_bytes` the oldest messages leave early.
 

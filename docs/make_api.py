@@ -17,7 +17,9 @@ PAGE = HOME / "docs" / "api.md"
 SECTIONS = {
     "Listen to the service": [
         "listen", "Listener", "Credentials", "Received", "Refusal",
-        "listen_can", "CanListener", "GroundReceiver", "ReceivedGround",
+        "listen_can", "CanListener", "CanReceiver", "CanEstimate", "ReceivedGround",
+        "ReceivedPropagatedGround", "ReceivedFoothold",
+        "ReceivedTerrain", "ReceivedEdge",
     ],
     "Replay a recording": ["replay", "Pipeline", "load_calibration", "FootholdSettings"],
     "Explain what a simulation gets wrong": [
@@ -26,8 +28,8 @@ SECTIONS = {
         "quantity_text", "write_report",
     ],
     "Messages out of the pipeline": [
-        "Estimate", "GroundPlane", "Attitude", "Motion", "Terrain", "TerrainEdge", "TerrainObstacle",
-        "TerrainKind", "NextFoothold", "Side",
+        "Estimate", "GroundPlane", "PropagatedGround", "Attitude", "Motion", "Terrain", "TerrainEdge",
+        "TerrainObstacle", "TerrainKind", "NextFoothold", "Side",
         "Health", "Status", "Reason", "Stamp", "Source", "Covariance3",
         "Quaternion",
     ],

@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from messages import Motion as Motion
     from messages import NextFoothold as NextFoothold
     from messages import Pose as Pose
+    from messages import PropagatedGround as PropagatedGround
     from messages import Quaternion as Quaternion
     from messages import Reason as Reason
     from messages import Reconfigured as Reconfigured
@@ -85,8 +86,13 @@ if TYPE_CHECKING:
     from messages import WearerHeight as WearerHeight
     from messages import ZenohHealth as ZenohHealth
     from messages.arrays import FloatArray as FloatArray
-    from messages.can_receiver import GroundReceiver as GroundReceiver
-    from messages.can_receiver import ReceivedGround as ReceivedGround
+    from messages.can_estimates import CanEstimate as CanEstimate
+    from messages.can_estimates import ReceivedEdge as ReceivedEdge
+    from messages.can_estimates import ReceivedFoothold as ReceivedFoothold
+    from messages.can_estimates import ReceivedGround as ReceivedGround
+    from messages.can_estimates import ReceivedPropagatedGround as ReceivedPropagatedGround
+    from messages.can_estimates import ReceivedTerrain as ReceivedTerrain
+    from messages.can_receiver import CanReceiver as CanReceiver
     from messages.json_receiver import Received as Received
     from perception.ground.foothold import FootholdSettings as FootholdSettings
 
@@ -116,8 +122,13 @@ _HOMES = {
     "listen": "drivers.zenoh.listener",
     "Credentials": "drivers.zenoh.settings",
     "Received": "messages.json_receiver",
-    "GroundReceiver": "messages.can_receiver",
-    "ReceivedGround": "messages.can_receiver",
+    "CanReceiver": "messages.can_receiver",
+    "CanEstimate": "messages.can_estimates",
+    "ReceivedGround": "messages.can_estimates",
+    "ReceivedPropagatedGround": "messages.can_estimates",
+    "ReceivedFoothold": "messages.can_estimates",
+    "ReceivedTerrain": "messages.can_estimates",
+    "ReceivedEdge": "messages.can_estimates",
     "replay": "gaiteyes.recorded",
     "Pipeline": "daemon.pipeline",
     "load_calibration": "calib.files",
@@ -142,6 +153,7 @@ _HOMES = {
     "FrameHeader": "messages",
     "GaitPhase": "messages",
     "GroundPlane": "messages",
+    "PropagatedGround": "messages",
     "Health": "messages",
     "ImuCalibration": "messages",
     "ImuSample": "messages",

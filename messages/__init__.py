@@ -27,6 +27,7 @@ from messages.estimates import (
     GroundTruth,
     Health,
     Motion,
+    PropagatedGround,
     Quaternion,
     Source,
     Stamp,
@@ -61,10 +62,11 @@ from messages.learnt import BiasAtTemperature, DepthScale, Learnt
 from messages.reasons import Reason, Status
 from messages.refusal import Refusal
 from messages.terrain import NextFoothold, Side, Terrain, TerrainEdge, TerrainKind, TerrainObstacle
-from messages.topics import TOPIC_OF, TOPICS, DropRule, Topic
+from messages.topics import INTERFACE_VERSION, TOPIC_OF, TOPICS, DropRule, Topic
 
 __all__ = [
     "CAMERA_HEIGHTS_M",
+    "INTERFACE_VERSION",
     "NO_RESIDUAL",
     "TOPICS",
     "TOPIC_OF",
@@ -105,6 +107,7 @@ __all__ = [
     "Motion",
     "NextFoothold",
     "Pose",
+    "PropagatedGround",
     "Quaternion",
     "Reason",
     "Reconfigured",

@@ -1,15 +1,13 @@
-"""Messages as CAN frames and back, after `gaiteyes.dbc`: layout, scales, words, Data IDs and cycle times stand
-there alone, so that an analyser, `cantools generate_c_source` and this module read one contract.
+"""The layout of CAN frames, after `gaiteyes.dbc`: scales, words, Data IDs and cycle times stand there alone, so that an
+analyser, `cantools generate_c_source` and this module read one contract. `messages.can_encoder` makes frames.
 
-A number that is NaN travels as the raw value named `not_available`, never as zero. A number that does not fit its
-signal is not clipped: a ground estimate then leaves as INVALID, reason OUT_OF_RANGE, with no numbers at all. Standard
-deviations and ages are rounded up, so that a frame never claims more than the estimate did.
+A number that is NaN travels as the raw value named `not_available`, never as zero.
 """
 
 import enum
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import resources
 from typing import cast
 
@@ -17,19 +15,11 @@ import cantools.database
 import msgspec
 from cantools.database.can import Database, Message, Signal
 
-from messages.e2e import E2eSender, Profile2
-from messages.estimates import GroundPlane, Health, Stamp
+from messages.e2e import Profile2
 from messages.inputs import AnkleState, GaitPhase
-from messages.reasons import Reason, Status
 
 NOT_AVAILABLE = "not_available"
 RESERVED = "reserved"
-FRAME_NUMBERS = 16
-COUNT_MODULUS = 4096
-
-_GROUND_NUMBERS = ("slope_sagittal_rad", "slope_frontal_rad", "height_m")
-_DEVIATIONS = ("slope_sagittal_sd_rad", "slope_frontal_sd_rad", "height_sd_m")
-_ANKLE_NUMBERS = ("ankle_angle_rad", "ankle_rate_radps", "load_n")
 
 
 class CanMessage(str, enum.Enum):
@@ -38,7 +28,21 @@ class CanMessage(str, enum.Enum):
     ANKLE_STATE = "ANKLE_STATE"
     GROUND = "GROUND"
     GROUND_QUALITY = "GROUND_QUALITY"
+    PROPAGATED_GROUND = "PROPAGATED_GROUND"
+    PROPAGATED_GROUND_QUALITY = "PROPAGATED_GROUND_QUALITY"
+    FOOTHOLD = "FOOTHOLD"
+    FOOTHOLD_QUALITY = "FOOTHOLD_QUALITY"
+    TERRAIN = "TERRAIN"
+    TERRAIN_QUALITY = "TERRAIN_QUALITY"
     HEALTH = "HEALTH"
+
+
+class EdgeTold(str, enum.Enum):
+    """What TERRAIN tells of the nearest edge ahead."""
+
+    NONE = "none"
+    MEASURED = "measured"
+    BOUND_ONLY = "bound_only"
 
 
 class CanFrame(msgspec.Struct, frozen=True):
@@ -91,44 +95,73 @@ def profile(message: CanMessage) -> Profile2:
     )
 
 
-class _Code(msgspec.Struct, frozen=True):
+class Code(msgspec.Struct, frozen=True):
     """How one signal carries a number or a word."""
 
+    start_bit: int
+    length_bits: int
     scale: float
     raw_min: int
     raw_max: int
     not_available: int | None
     words: dict[int, str]
+    raw_of: dict[str, int]
 
-    def raw(self, value: float, *, up: bool = False) -> int | None:
-        """Return the raw value of `value`, or None if it is NaN or does not fit."""
+    def raw(self, value: float, rounded: Callable[[float], int] = round) -> int | None:
+        """Return the raw value of `value`, `rounded` to a step, or None if it is NaN or does not fit."""
         steps = value / self.scale
         if not math.isfinite(steps):
             return None
-        # A rounding error above a step does not make it the next one.
-        raw = math.ceil(steps - 1e-9) if up else round(steps)
+        raw = rounded(steps)
         return raw if self.raw_min <= raw <= self.raw_max else None
 
     def raw_of_word(self, word: enum.Enum) -> int:
         """Return the raw value whose name is the enum member's value; KeyError if the DBC lacks it."""
-        return {name: raw for raw, name in self.words.items()}[word.value]
+        return self.raw_of[word.value]
 
 
-def _code(signal: Signal) -> _Code:
+def up(steps: float) -> int:
+    """Round up; a rounding error above a step does not make it the next one."""
+    return math.ceil(steps - _ROUNDING_ERROR)
+
+
+def down(steps: float) -> int:
+    """Round down; a rounding error below a step does not make it the one before."""
+    return math.floor(steps + _ROUNDING_ERROR)
+
+
+_ROUNDING_ERROR = 1e-9
+
+
+def _code(signal: Signal) -> Code:
     choices = {raw: str(name) for raw, name in (signal.choices or {}).items()}
+    words = {raw: name for raw, name in choices.items() if name != NOT_AVAILABLE}
     scale, low, high = float(signal.scale), float(signal.minimum or 0), float(signal.maximum or 0)
-    return _Code(
+    return Code(
+        signal.start,
+        signal.length,
         scale,
         round(low / scale),
         round(high / scale),
         next((raw for raw, name in choices.items() if name == NOT_AVAILABLE), None),
-        {raw: name for raw, name in choices.items() if name != NOT_AVAILABLE},
+        words,
+        {name: raw for raw, name in words.items()},
     )
 
 
 @functools.cache
-def _codes(message: CanMessage) -> dict[str, _Code]:
+def codes(message: CanMessage) -> dict[str, Code]:
+    """Return how each signal of `message` carries its value, by the signal's name."""
     return {signal.name: _code(signal) for signal in _message(message).signals}
+
+
+def packed(message: CanMessage, raws: Mapping[str, int]) -> bytes:
+    """Return the frame of `message` with these raw values; signals that are not named are 0. All are little-endian."""
+    frame = 0
+    for name, raw in raws.items():
+        code = codes(message)[name]
+        frame |= (raw & (1 << code.length_bits) - 1) << code.start_bit
+    return frame.to_bytes(_message(message).length, "little")
 
 
 def decode(message: CanMessage, data: bytes) -> Fields:
@@ -137,7 +170,7 @@ def decode(message: CanMessage, data: bytes) -> Fields:
     raws = cast(dict[str, int], _message(message).decode(data, scaling=False, decode_choices=False))
     numbers: dict[str, float] = {}
     words: dict[str, str] = {}
-    for name, code in _codes(message).items():
+    for name, code in codes(message).items():
         raw = raws[name]
         if code.words:
             words[name] = code.words.get(raw, RESERVED)
@@ -157,87 +190,3 @@ def decode_ankle(data: bytes, t_sample_ns: int) -> AnkleState:
         load_n=fields.numbers["load_n"],
         phase=GaitPhase.UNKNOWN if phase == RESERVED else GaitPhase(phase),
     )
-
-
-class CanEncoder:
-    """Makes the frames of every message, each protected and numbered in the order of the calls."""
-
-    def __init__(self) -> None:
-        self._senders = {message: E2eSender(profile(message)) for message in CanMessage}
-
-    def ground(self, ground: GroundPlane, stamp: Stamp, age_s: float) -> tuple[CanFrame, CanFrame]:
-        """Return GROUND and GROUND_QUALITY of one estimate, to be sent in this order.
-
-        `age_s` runs from mid-exposure to now. Raises ValueError if `calibration_id` is no hexadecimal number.
-        """
-        first, second = _codes(CanMessage.GROUND), _codes(CanMessage.GROUND_QUALITY)
-        values = {name: first[name].raw(getattr(ground, name)) for name in _GROUND_NUMBERS}
-        deviations = {
-            name: second[name].raw(math.sqrt(variance) if variance >= 0.0 else math.nan, up=True)
-            for name, variance in zip(_DEVIATIONS, (ground.covariance[i] for i in (0, 3, 5)), strict=True)
-        }
-        status, reason = ground.status, ground.reason
-        if status is Status.VALID and None in (*values.values(), *deviations.values()):
-            status, reason = Status.INVALID, Reason.OUT_OF_RANGE
-        valid = status is Status.VALID
-        number = stamp.seq % FRAME_NUMBERS
-        return (
-            self._frame(
-                CanMessage.GROUND,
-                (values if valid else dict.fromkeys(values))
-                | {
-                    "frame_number": number,
-                    "status": first["status"].raw_of_word(status),
-                    "source": first["source"].raw_of_word(stamp.source),
-                    "age_ms": _age_ms(first["age_ms"], age_s),
-                },
-            ),
-            self._frame(
-                CanMessage.GROUND_QUALITY,
-                (deviations if valid else dict.fromkeys(deviations))
-                | {
-                    "frame_number": number,
-                    "reason": second["reason"].raw_of_word(reason),
-                    "calibration_id": int(ground.calibration_id[:3], 16),
-                },
-            ),
-        )
-
-    def health(self, health: Health, stamp: Stamp) -> CanFrame:
-        """Return HEALTH: counts since the start, modulo 4096."""
-        codes = _codes(CanMessage.HEALTH)
-        counts = {
-            "imu_lost": health.imu_lost,
-            "imu_bus_errors": health.imu_bus_errors,
-            "frames_dropped": sum(health.frames_dropped.values()),
-            "frames_refused": sum(health.refused.values()),
-        }
-        return self._frame(
-            CanMessage.HEALTH,
-            {name: count % COUNT_MODULUS for name, count in counts.items()}
-            | {
-                "source": codes["source"].raw_of_word(stamp.source),
-                "load": codes["load"].raw_of_word(health.load),
-            },
-        )
-
-    def ankle(self, state: AnkleState) -> CanFrame:
-        """Return ANKLE_STATE as the controller of an ankle sends it; a number that does not fit is not available."""
-        codes = _codes(CanMessage.ANKLE_STATE)
-        numbers = {name: codes[name].raw(getattr(state, name)) for name in _ANKLE_NUMBERS}
-        return self._frame(CanMessage.ANKLE_STATE, numbers | {"phase": codes["phase"].raw_of_word(state.phase)})
-
-    def _frame(self, message: CanMessage, raws: Mapping[str, int | None]) -> CanFrame:
-        codes = _codes(message)
-        present = {
-            name: value
-            for name, raw in raws.items()
-            if (value := codes[name].not_available if raw is None else raw) is not None
-        }
-        payload = _message(message).encode(present | {"crc": 0, "counter": 0}, scaling=False, strict=False)
-        return CanFrame(can_id(message), self._senders[message].protect(payload))
-
-
-def _age_ms(code: _Code, age_s: float) -> int | None:
-    """An age saturates at the signal's end, which means 'this old or older'; an impossible one is not available."""
-    return code.raw(min(1e3 * age_s, code.raw_max * code.scale), up=True)

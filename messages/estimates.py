@@ -57,6 +57,10 @@ class Attitude(msgspec.Struct, frozen=True, kw_only=True):
             calibration_id=calibration_id,
         )
 
+    def without_numbers(self, reason: Reason) -> "Attitude":
+        """Return what is left of the estimate for a `reason` that is not NONE."""
+        return Attitude.invalid(t_sample_ns=self.t_sample_ns, reason=reason, calibration_id=self.calibration_id)
+
 
 class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
     """The ground at the next foothold, in the heading frame H of the frame exposed at `t_exposure_ns`.
@@ -112,6 +116,58 @@ class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
             calibration_id=calibration_id,
         )
 
+    def without_numbers(self, reason: Reason) -> "GroundPlane":
+        """Return what is left of the estimate for a `reason` that is not NONE."""
+        return GroundPlane.invalid(
+            t_exposure_ns=self.t_exposure_ns,
+            frame_seq=self.frame_seq,
+            reason=reason,
+            ahead_m=self.ahead_m,
+            calibration_id=self.calibration_id,
+            matched_share=self.matched_share,
+        )
+
+
+class PropagatedGround(msgspec.Struct, frozen=True, kw_only=True):
+    """The last `GroundPlane`, carried by the IMU to the sample at `t_sample_ns`, in the heading frame H of that time.
+
+    Slopes, `height_m` and `covariance` mean what they do in `GroundPlane`. `picture_age_s` is the time from its
+    exposure to the sample; the covariance grows with it. Only the camera sees ground: this tells where the wearer is
+    above the last that was seen.
+    """
+
+    t_sample_ns: int
+    picture_age_s: float
+    status: Status
+    reason: Reason
+    slope_sagittal_rad: float
+    slope_frontal_rad: float
+    height_m: float
+    covariance: Covariance3
+    calibration_id: str
+
+    @classmethod
+    def invalid(cls, *, t_sample_ns: int, reason: Reason, calibration_id: str) -> "PropagatedGround":
+        """Return the estimate that says only why there is none: NaN in place of every number.
+
+        Raises ValueError for `Reason.NONE`.
+        """
+        return cls(
+            t_sample_ns=t_sample_ns,
+            picture_age_s=_NAN,
+            status=status_without_numbers(reason),
+            reason=reason,
+            slope_sagittal_rad=_NAN,
+            slope_frontal_rad=_NAN,
+            height_m=_NAN,
+            covariance=(_NAN,) * 6,
+            calibration_id=calibration_id,
+        )
+
+    def without_numbers(self, reason: Reason) -> "PropagatedGround":
+        """Return what is left of the estimate for a `reason` that is not NONE."""
+        return PropagatedGround.invalid(t_sample_ns=self.t_sample_ns, reason=reason, calibration_id=self.calibration_id)
+
 
 class Motion(msgspec.Struct, frozen=True, kw_only=True):
     """How the wearer moves over the ground seen, in the heading frame H of the frame exposed at `t_exposure_ns`.
@@ -158,6 +214,15 @@ class Motion(msgspec.Struct, frozen=True, kw_only=True):
             calibration_id=calibration_id,
         )
 
+    def without_numbers(self, reason: Reason) -> "Motion":
+        """Return what is left of the estimate for a `reason` that is not NONE."""
+        return Motion.invalid(
+            t_exposure_ns=self.t_exposure_ns,
+            frame_seq=self.frame_seq,
+            reason=reason,
+            calibration_id=self.calibration_id,
+        )
+
 
 class Health(msgspec.Struct, frozen=True, kw_only=True):
     """Once a second: what arrived, what was lost and by which cause, since the start.
@@ -197,14 +262,14 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     height_contradicts: bool = False
 
 
-Estimate = Attitude | GroundPlane | Motion | Terrain | Health
+Estimate = Attitude | GroundPlane | PropagatedGround | Motion | Terrain | Health
 
 
 def capture_ns(estimate: Estimate) -> int:
     """Return the CLOCK_MONOTONIC instant for which `estimate` stands."""
     if isinstance(estimate, GroundPlane | Motion | Terrain):
         return estimate.t_exposure_ns
-    return estimate.t_sample_ns if isinstance(estimate, Attitude) else estimate.t_ns
+    return estimate.t_sample_ns if isinstance(estimate, Attitude | PropagatedGround) else estimate.t_ns
 
 
 class Source(str, enum.Enum):

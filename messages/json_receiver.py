@@ -10,7 +10,17 @@ from typing import Generic, TypeVar
 import msgspec
 
 from messages.codec import decode_line
-from messages.estimates import Attitude, Covariance3, Estimate, GroundPlane, Motion, Source, Stamp, capture_ns
+from messages.estimates import (
+    Attitude,
+    Covariance3,
+    Estimate,
+    GroundPlane,
+    Motion,
+    PropagatedGround,
+    Source,
+    Stamp,
+    capture_ns,
+)
 from messages.reasons import Status
 from messages.refusal import Refusal
 from messages.terrain import Terrain
@@ -152,6 +162,9 @@ def _is_complete(message: Estimate) -> bool:
             message.height_m,
             message.ahead_m,
         )
+    elif isinstance(message, PropagatedGround):
+        covariances = (message.covariance,)
+        numbers = (message.slope_sagittal_rad, message.slope_frontal_rad, message.height_m, message.picture_age_s)
     elif isinstance(message, Attitude):
         covariances = (message.rotation_cov_W_rad2,)
         numbers = (*message.q_WB, *message.w_WB_B_radps, *message.gyro_bias_B_radps)

@@ -14,14 +14,14 @@ class Refusal(str, enum.Enum):
     STALE = "stale"  # older than the limit, or of unknown age
 
     # on CAN
-    OTHER_MESSAGE = "other_message"  # neither GROUND nor GROUND_QUALITY
-    FIRST_HALF = "first_half"  # GROUND is in; GROUND_QUALITY has yet to come
+    OTHER_MESSAGE = "other_message"  # not one of the frames that are listened to
+    FIRST_HALF = "first_half"  # of two; the second has yet to come
     WRONG_LENGTH = "wrong_length"
     WRONG_CRC = "wrong_crc"
     INITIAL = "initial"  # the first frame of this message, or the first after a silence: no sequence yet
     TOO_SOON = "too_soon"  # on the heels of another: it waited in a queue, so its age is not to be believed
     FRAME_MISMATCH = "frame_mismatch"  # the halves belong to different estimates, or the first one is missing
-    NOT_VALID = "not_valid"  # `GroundReceiver.reason` tells why
+    NOT_VALID = "not_valid"  # `CanReceiver.reason` tells why
 
     # as JSON
     MALFORMED = "malformed"  # no JSON, too long, a field is missing, of a wrong type or out of range

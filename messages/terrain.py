@@ -141,5 +141,15 @@ class Terrain(msgspec.Struct, frozen=True, kw_only=True):
             calibration_id=calibration_id,
         )
 
+    def without_numbers(self, reason: Reason) -> "Terrain":
+        """Return what is left of the estimate for a `reason` that is not NONE."""
+        return Terrain.invalid(
+            t_exposure_ns=self.t_exposure_ns,
+            frame_seq=self.frame_seq,
+            reason=reason,
+            side=self.foothold.side,
+            calibration_id=self.calibration_id,
+        )
+
 
 _NAN = float("nan")

@@ -4,7 +4,7 @@ import enum
 
 import msgspec
 
-from messages.estimates import Attitude, GroundPlane, GroundTruth, Health, Motion
+from messages.estimates import Attitude, GroundPlane, GroundTruth, Health, Motion, PropagatedGround
 from messages.inputs import (
     AnkleState,
     DepthFrame,
@@ -18,6 +18,10 @@ from messages.inputs import (
     Tick,
 )
 from messages.terrain import Terrain
+
+INTERFACE_VERSION = 2
+"""What a published message means, on Zenoh (the end of every key) and on CAN (VERSION of the DBC). In version 1 the
+ground was that of a fixed region ahead; since version 2 it is the surface under the next foothold."""
 
 
 class DropRule(str, enum.Enum):
@@ -44,7 +48,7 @@ class Topic(msgspec.Struct, frozen=True, kw_only=True):
 
     def key(self, device: str, *, replay: bool = False) -> str:
         """Return the Zenoh key under which `device` publishes; a replay has a branch of its own."""
-        return f"gaiteyes/{device}/{'replay/' if replay else ''}{self.name}/v1"
+        return f"gaiteyes/{device}/{'replay/' if replay else ''}{self.name}/v{INTERFACE_VERSION}"
 
 
 _ROWS = (
@@ -71,6 +75,14 @@ _ROWS = (
         message=GroundPlane,
         rate_hz=20.0,
         deadline_s=0.100,
+        drop=DropRule.NEWEST_WINS,
+        published=True,
+    ),
+    Topic(
+        name="propagated_ground",
+        message=PropagatedGround,
+        rate_hz=100.0,
+        deadline_s=0.060,
         drop=DropRule.NEWEST_WINS,
         published=True,
     ),

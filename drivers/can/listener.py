@@ -1,4 +1,4 @@
-"""Receives the ground on CAN, on a computer that has python-can: `listen_can`.
+"""Receives estimates on CAN, on a computer that has python-can: `listen_can`.
 
 An ankle's microcontroller does the same with `messages.can_receiver` as its reference.
 """
@@ -7,42 +7,48 @@ import contextlib
 import math
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import TracebackType
+from typing import Any, Generic, TypeVar, overload
 
 import can
 
 from drivers.can.bus import check_owner, close_bus, discard_input, innermost
 from drivers.can.settings import CanSettings, parse_can
 from messages import Refusal, UserError
-from messages.can_frames import CanMessage, can_id
-from messages.can_receiver import GroundReceiver, ReceivedGround
+from messages.can_estimates import CanEstimate, ReceivedGround
+from messages.can_receiver import CanReceiver
 
 OLD_INPUT_S = 0.5
 """What came in while the bus was being opened is old, and its age is not told: it is not listened to for so long."""
 REOPEN_PAUSE_S = 0.5
 _WAIT_S = 0.1
 
+R = TypeVar("R", bound=CanEstimate)
 
-class CanListener:
-    """The ground on one bus, to iterate over, each estimate checked as `messages.can_receiver.GroundReceiver` says.
+
+class CanListener(Generic[R]):
+    """The estimates on one bus, to iterate over, each checked as `messages.can_receiver.CanReceiver` says.
 
     Nothing that arrives raises: `refused` counts what was refused, by reason; input that is no frame is MALFORMED. A
-    bus that is lost is opened again. `reason` is the service's word for why the last ground was not valid. An iteration
-    ends when nothing has passed for `timeout_s`; the next one goes on listening, until `close`.
+    bus that is lost is opened again. An iteration ends when nothing has passed for `timeout_s`; the next one goes on
+    listening, until `close`.
     """
 
-    def __init__(self, settings: CanSettings, receiver: GroundReceiver, timeout_s: float | None = None) -> None:
+    def __init__(
+        self, settings: CanSettings, receivers: Sequence[CanReceiver[R]], timeout_s: float | None = None
+    ) -> None:
         self.refused: Counter[Refusal] = Counter()
         self._settings = settings
-        self._receiver = receiver
+        self._receivers = {can_id: receiver for receiver in receivers for can_id in receiver.can_ids}
+        self._last = receivers[0]
         self._timeout_s = math.inf if timeout_s is None else timeout_s
         self._bus: can.BusABC | None = self._open()
 
     @property
     def reason(self) -> str:
-        """Return the word that the last pair of frames carried."""
-        return self._receiver.reason
+        """Return the service's word for why the newest estimate was not valid."""
+        return self._last.reason
 
     def close(self) -> None:
         """Release the bus."""
@@ -50,7 +56,7 @@ class CanListener:
         if bus is not None:
             close_bus(bus)
 
-    def __enter__(self) -> "CanListener":
+    def __enter__(self) -> "CanListener[R]":
         return self
 
     def __exit__(
@@ -58,17 +64,21 @@ class CanListener:
     ) -> None:
         self.close()
 
-    def __iter__(self) -> Iterator[ReceivedGround]:
+    def __iter__(self) -> Iterator[R]:
         end_s = time.monotonic() + self._timeout_s
         while time.monotonic() < end_s:
             frame = self._next()
             if frame is None or frame.is_error_frame:
                 continue
-            found = self._receiver.feed(frame.arbitration_id, bytes(frame.data), time.monotonic_ns())
-            if isinstance(found, ReceivedGround):
+            receiver = self._receivers.get(frame.arbitration_id)
+            if receiver is None:
+                continue
+            self._last = receiver
+            found = receiver.feed(frame.arbitration_id, bytes(frame.data), time.monotonic_ns())
+            if not isinstance(found, Refusal):
                 yield found
                 end_s = time.monotonic() + self._timeout_s
-            elif found not in (Refusal.FIRST_HALF, Refusal.OTHER_MESSAGE):
+            elif found is not Refusal.FIRST_HALF:
                 self.refused[found] += 1
 
     def _next(self) -> can.Message | None:
@@ -94,8 +104,7 @@ class CanListener:
     def _open(self) -> can.BusABC:
         interface, channel = self._settings.interface.value, self._settings.channel
         filters: list[can.typechecking.CanFilter] = [
-            {"can_id": can_id(message), "can_mask": 0x7FF, "extended": False}
-            for message in (CanMessage.GROUND, CanMessage.GROUND_QUALITY)
+            {"can_id": can_id, "can_mask": 0x7FF, "extended": False} for can_id in self._receivers
         ]
         try:
             bus = can.Bus(channel, interface, ignore_config=True, can_filters=filters)
@@ -112,13 +121,29 @@ class CanListener:
         return bus
 
 
-def listen_can(bus: str, *, accept_simulated: bool = False, timeout_s: float | None = None) -> CanListener:
-    """Listen to the ground on the CAN bus `bus`, as in "socketcan:can0": what comes passed every check.
+@overload
+def listen_can(
+    bus: str, *, accept_simulated: bool = False, timeout_s: float | None = None
+) -> CanListener[ReceivedGround]: ...
 
-    `accept_simulated` takes simulated and replayed data too. After `timeout_s` without a ground that passes, the
-    iteration ends; without a `timeout_s` it waits. Counter and checksum (AUTOSAR end-to-end profile 2) reveal errors;
-    whoever may send on the bus can still pose as the service.
+
+@overload
+def listen_can(
+    bus: str, *kinds: type[R], accept_simulated: bool = False, timeout_s: float | None = None
+) -> CanListener[R]: ...
+
+
+def listen_can(
+    bus: str, *kinds: type[CanEstimate], accept_simulated: bool = False, timeout_s: float | None = None
+) -> CanListener[Any]:
+    """Listen to estimates on the CAN bus `bus`, as in "socketcan:can0": what comes passed every check.
+
+    `kinds` are types such as `ReceivedTerrain`; without one it is `ReceivedGround`. `accept_simulated` takes simulated
+    and replayed data too. After `timeout_s` without an estimate that passes, the iteration ends; without a `timeout_s`
+    it waits. Counter and checksum (AUTOSAR end-to-end profile 2) reveal errors; whoever may send on the bus can still
+    pose as the service.
 
     Raises UserError, in one line, if the bus cannot be opened, or is one on loopback that another user serves.
     """
-    return CanListener(parse_can(bus), GroundReceiver(accept_simulated=accept_simulated), timeout_s)
+    receivers = [CanReceiver(kind, accept_simulated=accept_simulated) for kind in kinds or (ReceivedGround,)]
+    return CanListener(parse_can(bus), receivers, timeout_s)

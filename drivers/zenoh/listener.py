@@ -18,13 +18,15 @@ from drivers.boot_id import read_boot_id
 from drivers.zenoh.local_socket import subscriber_endpoint
 from drivers.zenoh.session import open_client
 from drivers.zenoh.settings import SOCKET, Credentials
-from messages import TOPIC_OF, Estimate, Refusal, UserError
+from messages import INTERFACE_VERSION, TOPIC_OF, Estimate, Refusal, UserError
 from messages.json_receiver import LONGEST_PAYLOAD_BYTES, JsonReceiver, Received
 
 WAITING_PAYLOADS = 16
 """How many payloads wait for the consumer; of more, the oldest leaves."""
 
-_KEY = re.compile(r"gaiteyes/(?P<device>[A-Za-z0-9][A-Za-z0-9_.-]{0,63})/(?:replay/)?(?P<topic>[a-z]+)/v1")
+_KEY = re.compile(
+    r"gaiteyes/(?P<device>[A-Za-z0-9][A-Za-z0-9_.-]{0,63})/(?:replay/)?(?P<topic>[a-z_]+)/v(?P<version>[0-9]+)"
+)
 
 _NO_CREDENTIALS = Credentials()
 
@@ -177,7 +179,7 @@ def listen(
     """Listen to one topic of one device: what comes are typed messages that passed every check.
 
     `topic` is the message's type (`GroundPlane`) or the topic's name ("ground") beside `device`, or the whole key
-    alone ("gaiteyes/DEVICE/ground/v1"; a replay's is "gaiteyes/DEVICE/replay/ground/v1"). Each item is a `Received`:
+    alone ("gaiteyes/DEVICE/ground/v2"; a replay's is "gaiteyes/DEVICE/replay/ground/v2"). Each item is a `Received`:
     message, stamp, age. `accept_simulated` takes simulated and replayed data too. After `timeout_s` without an
     estimate that passes, the iteration ends; without a `timeout_s` it waits.
 
@@ -211,8 +213,15 @@ def _resolved(topic: type[msgspec.Struct] | str, device: str | None) -> tuple[st
     """Return key, message type and device."""
     published = {TOPIC_OF[kind].name: kind for kind in get_args(Estimate)}
     name = topic if isinstance(topic, str) else TOPIC_OF[topic].name if topic in TOPIC_OF else topic.__name__
-    key = name if device is None else f"gaiteyes/{device}/{name}/v1"
+    key = name if device is None else f"gaiteyes/{device}/{name}/v{INTERFACE_VERSION}"
     parts = _KEY.fullmatch(key)
     if parts is None or parts["topic"] not in published:
-        raise UserError(f"'{key}': expected gaiteyes/DEVICE/TOPIC/v1 with TOPIC one of {', '.join(published)}")
+        raise UserError(
+            f"'{key}': expected gaiteyes/DEVICE/TOPIC/v{INTERFACE_VERSION} with TOPIC one of {', '.join(published)}"
+        )
+    if parts["version"] != str(INTERFACE_VERSION):
+        raise UserError(
+            f"'{key}': published is version {INTERFACE_VERSION} alone, whose messages mean something else "
+            f"(the ground is that under the next foothold): '{key.removesuffix(parts['version'])}{INTERFACE_VERSION}'"
+        )
     return key, published[parts["topic"]], parts["device"]

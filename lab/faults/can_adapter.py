@@ -15,7 +15,8 @@ from pathlib import Path
 
 from drivers.can.settings import CanInterface, CanSettings
 from messages import AnkleState, GaitPhase
-from messages.can_frames import CanEncoder, CanFrame, CanMessage, can_id
+from messages.can_encoder import CanEncoder
+from messages.can_frames import CanFrame, CanMessage, can_id
 
 ANKLE_PERIOD_NS = 20_000_000
 _FOREIGN_ID = 0x321

@@ -26,7 +26,7 @@ from lab.faults.listener import Listener
 from lab.faults.report import FaultFree, Process
 from lab.faults.surroundings import Surroundings
 from lab.faults.trial import is_steady
-from messages import TOPICS, UserError
+from messages import INTERFACE_VERSION, TOPICS, UserError
 
 SCENARIO = "ramps"
 _LEAD_S = 6.0  # before the wearer's clock starts: by then the first daemon runs
@@ -70,7 +70,7 @@ class DaemonUnderTest:
         self._wearer = self.plan.wearer()
         self.listener = Listener(self._wearer)
         self.around = Surroundings(
-            self.adapter, self.plan.zenoh, f"gaiteyes/{DEVICE}/*/v1", lambda: self.start(self.plan)
+            self.adapter, self.plan.zenoh, f"gaiteyes/{DEVICE}/*/v{INTERFACE_VERSION}", lambda: self.start(self.plan)
         )
         self._daemon: DaemonProcess | None = None
         self._first_look: Process | None = None

@@ -22,7 +22,7 @@ from drivers.zenoh.local_socket import SERVICE_DIRECTORY
 from drivers.zenoh.settings import SOCKET
 from lab.faults.zenoh_bytes import ZenohBytes
 from messages import TOPIC_OF, GroundPlane, Reason, Source, Stamp, Status
-from messages.can_frames import CanEncoder
+from messages.can_encoder import CanEncoder
 from messages.codec import encode_line
 from sim_rig.can.slcan_hub import PORT
 

@@ -12,8 +12,9 @@ import zenoh
 from lab.faults.criteria import STALE_S, Errors, Wrong, errors_of, flags, ground_errors, is_wrong_attitude
 from lab.faults.daemon_process import DEVICE
 from messages import TOPICS, Attitude, GroundPlane, GroundTruth, Health, Reason, Stamp, Status
+from messages.can_estimates import ReceivedGround
 from messages.can_frames import CanFrame
-from messages.can_receiver import GroundReceiver, ReceivedGround
+from messages.can_receiver import CanReceiver
 from messages.codec import decode
 from sim_rig.wearer import SimulatedWearer
 
@@ -64,7 +65,7 @@ class Listener:
         self.on_can: deque[HeardOnCan] = deque(maxlen=_KEPT)
         self.health: Health | None = None
         self._wearer = wearer
-        self._receiver = GroundReceiver(max_age_s=STALE_S, accept_simulated=True)
+        self._receiver = CanReceiver(ReceivedGround, max_age_s=STALE_S, accept_simulated=True)
         self._seqs: deque[int] = deque(maxlen=_KEPT)
         self._waiting: deque[tuple[int, bool, type[msgspec.Struct], bytes]] = deque()
         self._took_ns = 0

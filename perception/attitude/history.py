@@ -56,6 +56,11 @@ class AttitudeHistory:
         """Return the time of the newest attitude, or None if there is none."""
         return self._ring[-1].t_ns if self._ring else None
 
+    @property
+    def newest(self) -> AttitudeAt:
+        """Return the newest attitude. Raises IndexError if there is none."""
+        return self._ring[-1]
+
     def clear(self) -> None:
         """Remove everything, as after a new start of the filter, whose yaw starts anew."""
         self._ring.clear()
@@ -94,6 +99,16 @@ class AttitudeHistory:
         if after.t_ns - before.t_ns > self._longest_step_ns:
             raise OutsideHistoryError(f"no attitude at {t_ns} ns: a gap from {before.t_ns} to {after.t_ns} ns")
         return _between(before, after, t_ns)
+
+    def after(self, t_ns: int) -> list[AttitudeAt]:
+        """Return all that is later than `t_ns`, in order."""
+        later: list[AttitudeAt] = []
+        for attitude in reversed(self._ring):
+            if attitude.t_ns <= t_ns:
+                break
+            later.append(attitude)
+        later.reverse()
+        return later
 
     def _extrapolated(self, newest: AttitudeAt, t_ns: int) -> AttitudeAt:
         if t_ns - newest.t_ns > self._reach_ns:

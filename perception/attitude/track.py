@@ -7,7 +7,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from messages import Attitude, ImuSample, Learnt, Reason, Status, UnitCalibration, Vec3, upper_triangle, vec3
+from messages import (
+    Attitude,
+    Covariance3,
+    ImuSample,
+    Learnt,
+    Reason,
+    Status,
+    UnitCalibration,
+    Vec3,
+    upper_triangle,
+    vec3,
+)
 from messages.arrays import FloatArray
 from perception import so3
 from perception.attitude.agreement import Advice, Agreement, Innovation
@@ -290,6 +301,22 @@ class AttitudeTrack:
             return self._history.at(t_ns)
         except OutsideHistoryError:
             return None
+
+    @property
+    def newest(self) -> AttitudeAt:
+        """Return the attitude at the newest sample. Raises IndexError while there is none."""
+        return self._history.newest
+
+    def path_from(self, start: AttitudeAt) -> list[AttitudeAt]:
+        """Return `start`, an attitude of the last moments, and all later ones."""
+        return [start, *self._history.after(start.t_ns)]
+
+    @property
+    def motion_covariance(self) -> tuple[Covariance3, float]:
+        """Return the covariance of the velocity in W at the newest sample, (m/s)², and the variance of the rate about
+        the vertical, (rad/s)²; the filter has started."""
+        covariance = self._filter.movement_covariance
+        return upper_triangle(covariance[3:6, 3:6]), float(covariance[8, 8])
 
     def _add_attitudes_before_start(self, t_ns: int, rotation_cov_W: FloatArray) -> None:
         """Integrate backwards from the first attitude, R(t − dt) = R(t) exp(−w dt), and put the result in order."""

@@ -16,6 +16,7 @@ from messages import (
     Motion,
     NextFoothold,
     Pose,
+    PropagatedGround,
     Reason,
     RecordingState,
     Residual,
@@ -57,6 +58,21 @@ def invalid_ground(status: Status = Status.INVALID, reason: Reason = Reason.NO_F
         t_exposure_ns=1_000_000_000, frame_seq=3, reason=Reason.NO_FRAME, ahead_m=0.6, calibration_id="a3f01234"
     )
     return msgspec.structs.replace(invalid, status=status, reason=reason)
+
+
+def propagated_ground(**changes: object) -> PropagatedGround:
+    valid = PropagatedGround(
+        t_sample_ns=1_000_000_000,
+        picture_age_s=0.0624,
+        status=Status.VALID,
+        reason=Reason.NONE,
+        slope_sagittal_rad=0.09,
+        slope_frontal_rad=-0.06,
+        height_m=0.917,
+        covariance=(1e-4, 0.0, 0.0, 4e-4, 0.0, 1.6e-5),
+        calibration_id="a3f01234",
+    )
+    return msgspec.structs.replace(valid, **changes)
 
 
 def attitude() -> Attitude:

@@ -17,6 +17,7 @@ from messages import (
     FrameHeader,
     GroundPlane,
     Motion,
+    PropagatedGround,
     Reason,
     Source,
     Stamp,
@@ -25,7 +26,8 @@ from messages import (
     capture_ns,
 )
 from messages.codec import decode
-from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion, terrain
+from perception.ground.propagation import OLDEST_PICTURE_NS
+from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion, propagated_ground, terrain
 
 
 class Listener:
@@ -56,6 +58,16 @@ def test_what_is_too_old_is_late_and_has_no_numbers(estimate: GroundPlane | Atti
     vectors = ("covariance", "q_WB", "w_WB_B_radps", "gyro_bias_B_radps", "rotation_cov_W_rad2")
     for name in (*vectors, "velocity_H_mps", "rate_H_radps", "velocity_cov_H", "rate_cov_H"):
         assert all(math.isnan(value) for value in said.get(name, ()))
+
+
+def test_a_ground_is_carried_until_its_picture_is_too_old() -> None:
+    carried = propagated_ground(picture_age_s=0.06)
+    limit_ns = carried.t_sample_ns - 60_000_000 + OLDEST_PICTURE_NS
+    assert withdrawn_if_late(carried, limit_ns) is carried
+    late = withdrawn_if_late(carried, limit_ns + 1)
+    assert isinstance(late, PropagatedGround)
+    assert (late.status, late.reason, late.t_sample_ns) == (Status.INVALID, Reason.LATE, carried.t_sample_ns)
+    assert all(map(math.isnan, (late.height_m, late.picture_age_s, *late.covariance)))
 
 
 @pytest.mark.parametrize("estimate", [health(), invalid_ground()])

@@ -21,6 +21,7 @@ from messages import (
     Load,
     LoadLevel,
     Motion,
+    PropagatedGround,
     Reason,
     Status,
     StereoFrame,
@@ -76,6 +77,68 @@ def test_each_frame_and_each_sample_gets_its_estimate(wearer: SimulatedWearer, i
     assert [g.t_exposure_ns for g in grounds(estimates)] == [f.header.t_exposure_ns for f in frames]
     assert len([e for e in estimates if isinstance(e, Attitude)]) == len(samples)
     assert len([e for e in estimates if isinstance(e, Health)]) == 2
+
+
+def test_each_attitude_is_followed_by_the_ground_carried_to_it(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    told = [e for e in run(pipeline(wearer), inputs) if isinstance(e, GroundPlane | Attitude | PropagatedGround)]
+    last = None
+    valid = 0
+    for before, carried in pairwise(told):
+        if isinstance(before, GroundPlane):
+            last = before
+        if not isinstance(carried, PropagatedGround):
+            continue
+        assert isinstance(before, Attitude)
+        assert carried.t_sample_ns == before.t_sample_ns
+        usable = last is not None and last.status is Status.VALID and before.status is Status.VALID
+        assert (carried.status is Status.VALID) == usable
+        if last is not None and carried.status is Status.VALID:
+            valid += 1
+            assert carried.picture_age_s == pytest.approx(1e-9 * (before.t_sample_ns - last.t_exposure_ns))
+            assert 0.02 < carried.picture_age_s < 0.10
+            assert carried.height_m == pytest.approx(last.height_m, abs=0.005)
+            assert carried.slope_sagittal_rad == pytest.approx(last.slope_sagittal_rad, abs=1e-3)
+    assert valid > 80
+
+
+@pytest.mark.parametrize(
+    ("cause", "reason"),
+    [("covered", Reason.LOW_TEXTURE), ("no frames", Reason.NO_FRAME), ("no samples", Reason.NO_IMU)],
+)
+def test_a_ground_is_carried_for_no_longer_than_it_is_known(
+    wearer: SimulatedWearer, inputs: list[Input], cause: str, reason: Reason
+) -> None:
+    cut_ns = START_NS + 2_000_000_000
+    if cause == "covered":
+        spoilt = [covered(message, cut_ns) for message in inputs]
+    elif cause == "no frames":
+        spoilt = [m for m in inputs if not (isinstance(m, StereoFrame) and m.header.t_arrival_ns > cut_ns)]
+    else:
+        spoilt = list(without_imu_after(inputs, cut_ns))
+    carried = [e for e in run(pipeline(wearer), spoilt) if isinstance(e, PropagatedGround)]
+    assert any(e.status is Status.VALID for e in carried)
+    later = [e for e in carried if e.t_sample_ns > cut_ns + 150_000_000 or e.reason is reason]
+    assert {e.status for e in later} == {Status.INVALID}
+    assert later[-1].reason is reason
+    assert all(e.height_m != e.height_m for e in later)
+
+
+LATER_NS = 150_000_000
+
+
+def test_a_picture_that_is_late_ends_what_is_carried(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    """Grounds come, but each of a picture from more than 150 ms ago: none of them is carried."""
+    late: list[Input] = sorted(
+        inputs, key=lambda m: m.header.t_arrival_ns + LATER_NS if isinstance(m, StereoFrame) else _arrival_ns(m)
+    )
+    told = run(pipeline(wearer), [m for m in late if not isinstance(m, Tick)])
+    carried = [e for e in told if isinstance(e, PropagatedGround)]
+    assert any(ground.status is Status.VALID for ground in grounds(told))
+    assert {e.reason for e in carried if e.t_sample_ns > START_NS + 1_700_000_000} == {Reason.LATE}
+
+
+def _arrival_ns(message: Input) -> int:
+    return message.t_ns if isinstance(message, Tick) else message.t_arrival_ns if isinstance(message, ImuSample) else 0
 
 
 def test_each_ground_is_followed_by_the_motion_of_its_frame(wearer: SimulatedWearer, inputs: list[Input]) -> None:

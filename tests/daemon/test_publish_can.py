@@ -7,7 +7,7 @@ from daemon.publish_can import CanPublisher
 from drivers.can.link import SendResult
 from messages import TOPIC_OF, GroundPlane, Health
 from messages.can_frames import CanFrame, CanMessage, can_id, decode
-from tests.bench.can_samples import attitude, ground, health, invalid_ground, stamp
+from tests.bench.can_samples import attitude, ground, health, invalid_ground, propagated_ground, stamp, terrain
 
 GROUND, QUALITY, HEALTH = (can_id(m) for m in (CanMessage.GROUND, CanMessage.GROUND_QUALITY, CanMessage.HEALTH))
 
@@ -53,6 +53,48 @@ def test_an_estimate_goes_out_as_two_halves_and_health_as_one() -> None:
     publisher.drain(0.0)
     assert link.ids == [GROUND, QUALITY, HEALTH]
     assert (publisher.sent, publisher.errors) == (3, 0)
+
+
+def test_of_carried_grounds_that_come_together_the_newest_goes_out_and_that_is_no_error() -> None:
+    link = Link()
+    publisher = publisher_on(link)
+    for k in range(3):
+        publisher.publish(propagated_ground(height_m=0.9 + 0.01 * k), stamp(seq=k))
+    publisher.drain(0.0)
+    assert link.ids == [can_id(CanMessage.PROPAGATED_GROUND), can_id(CanMessage.PROPAGATED_GROUND_QUALITY)]
+    assert decode(CanMessage.PROPAGATED_GROUND, link.offered[0].data).numbers["height_m"] == pytest.approx(0.92)
+    assert (publisher.superseded, publisher.errors) == (2, 0)
+
+
+def test_carried_grounds_are_sent_half_a_cycle_apart_and_hold_up_nothing_else() -> None:
+    link, now_ns = Link(), [SENT_NS]
+    publisher = CanPublisher(link, now_ns=lambda: now_ns[0])
+    carried = [can_id(CanMessage.PROPAGATED_GROUND), can_id(CanMessage.PROPAGATED_GROUND_QUALITY)]
+    publisher.publish(propagated_ground(), stamp(seq=0))
+    publisher.drain(0.0)
+    publisher.publish(propagated_ground(height_m=0.91), stamp(seq=1))
+    publisher.publish(ground(), stamp(seq=1))
+    publisher.drain(0.0)
+    assert link.ids == [*carried, GROUND, QUALITY]
+    now_ns[0] += 4_999_999
+    publisher.publish(propagated_ground(height_m=0.92), stamp(seq=2))
+    publisher.drain(0.0)
+    assert len(link.ids) == 4
+    now_ns[0] += 1
+    publisher.drain(0.0)
+    assert link.ids == [*carried, GROUND, QUALITY, *carried]
+    assert decode(CanMessage.PROPAGATED_GROUND, link.offered[4].data).numbers["height_m"] == pytest.approx(0.92)
+
+
+def test_terrain_goes_out_after_the_ground_with_the_foothold_first() -> None:
+    link = Link()
+    publisher = publisher_on(link)
+    publisher.publish(ground(), stamp(seq=5))
+    publisher.publish(terrain(), stamp(seq=5))
+    publisher.drain(0.0)
+    of_terrain = (CanMessage.FOOTHOLD, CanMessage.FOOTHOLD_QUALITY, CanMessage.TERRAIN, CanMessage.TERRAIN_QUALITY)
+    assert link.ids == [GROUND, QUALITY, *map(can_id, of_terrain)]
+    assert (publisher.sent, publisher.errors) == (6, 0)
 
 
 def test_nothing_waits_so_nothing_is_sent() -> None:

@@ -26,7 +26,17 @@ from drivers.zenoh.settings import SOCKET, Credentials, ZenohSettings
 from lab.faults.zenoh_bytes import ZenohBytes
 from messages import TOPICS, Calibration, Estimate, GroundPlane, Source, UserError, ZenohHealth
 from messages.codec import decode, published_schemas
-from tests.bench.can_samples import attitude, calibration, ground, health, invalid_ground, motion, stamp, terrain
+from tests.bench.can_samples import (
+    attitude,
+    calibration,
+    ground,
+    health,
+    invalid_ground,
+    motion,
+    propagated_ground,
+    stamp,
+    terrain,
+)
 from tests.bench.zenoh_peer import arrival, client, free_endpoint
 
 pytestmark = pytest.mark.realtime
@@ -57,9 +67,9 @@ def live(endpoint: str) -> Iterator[ZenohPublisher]:
 
 
 def test_ground_arrives_under_its_exact_key_as_flat_json(live: ZenohPublisher, endpoint: str) -> None:
-    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v1") as subscriber:
+    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v2") as subscriber:
         sample = arrival(subscriber, lambda: live.publish(ground(), stamp()))
-    assert str(sample.key_expr) == "gaiteyes/unit-1/ground/v1"
+    assert str(sample.key_expr) == "gaiteyes/unit-1/ground/v2"
     assert sample.encoding == zenoh.Encoding.APPLICATION_JSON
     assert sample.priority == zenoh.Priority.REAL_TIME
     assert sample.congestion_control == zenoh.CongestionControl.DROP
@@ -73,13 +83,14 @@ def test_health_is_not_crowded_out_by_what_comes_a_hundred_times_a_second(live: 
     def priority(estimate: Estimate) -> zenoh.Priority:
         return arrival(subscriber, lambda: live.publish(estimate, stamp())).priority
 
-    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/*/v1") as subscriber:
+    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/*/v2") as subscriber:
         assert priority(health()) == zenoh.Priority.INTERACTIVE_HIGH
+        assert priority(propagated_ground()) == zenoh.Priority.INTERACTIVE_LOW
         assert priority(attitude()) == priority(motion()) == zenoh.Priority.DATA_HIGH
 
 
 def test_what_is_not_known_is_null(live: ZenohPublisher, endpoint: str) -> None:
-    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v1") as subscriber:
+    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v2") as subscriber:
         sample = arrival(subscriber, lambda: live.publish(invalid_ground(), stamp()))
     told = json.loads(sample.payload.to_bytes())
     assert told["slope_sagittal_rad"] is None
@@ -91,8 +102,8 @@ def test_a_replay_never_publishes_or_lives_where_a_live_device_does(endpoint: st
     made = publisher(endpoint, replay=True)
     with (
         client(endpoint) as session,
-        session.declare_subscriber("gaiteyes/unit-1/replay/ground/v1") as of_replay,
-        session.declare_subscriber("gaiteyes/unit-1/ground/v1") as of_live,
+        session.declare_subscriber("gaiteyes/unit-1/replay/ground/v2") as of_replay,
+        session.declare_subscriber("gaiteyes/unit-1/ground/v2") as of_live,
     ):
         sample = arrival(of_replay, lambda: made.publish(ground(), stamp(source=Source.REPLAY)))
         assert json.loads(sample.payload.to_bytes())["source"] == "replay"
@@ -131,6 +142,7 @@ def test_calibration_configuration_and_schema_are_answered(live: ZenohPublisher,
 ESTIMATES: dict[str, Estimate] = {
     "attitude": attitude(),
     "ground": ground(),
+    "propagated_ground": propagated_ground(),
     "motion": motion(),
     "terrain": terrain(),
     "health": health(),
@@ -143,7 +155,7 @@ def test_the_samples_here_are_all_published_topics() -> None:
 
 @pytest.mark.parametrize("topic", ESTIMATES)
 def test_every_published_topic_fits_the_schema_told_for_it(live: ZenohPublisher, endpoint: str, topic: str) -> None:
-    with client(endpoint) as session, session.declare_subscriber(f"gaiteyes/unit-1/{topic}/v1") as subscriber:
+    with client(endpoint) as session, session.declare_subscriber(f"gaiteyes/unit-1/{topic}/v2") as subscriber:
         sample = arrival(subscriber, lambda: live.publish(ESTIMATES[topic], stamp()))
     told = json.loads(sample.payload.to_bytes())
     jsonschema.validate(told, published_schemas()[topic])
@@ -158,7 +170,7 @@ def next_seq(made: ZenohPublisher, subscriber: "zenoh.Subscriber[zenoh.Handler[z
 
 
 def test_a_subscriber_that_stood_still_is_not_told_of_all_it_missed(live: ZenohPublisher, endpoint: str) -> None:
-    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v1") as subscriber:
+    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v2") as subscriber:
         arrival(subscriber, lambda: live.publish(ground(), stamp()))
         missed = 10_000
         for seq in range(missed):
@@ -216,7 +228,7 @@ def test_a_device_name_that_is_no_key_is_refused(device: str) -> None:
 
 
 def test_what_others_publish_reaches_nobody(live: ZenohPublisher, endpoint: str) -> None:
-    key = "gaiteyes/unit-1/ground/v1"
+    key = "gaiteyes/unit-1/ground/v2"
     with client(endpoint) as forger, client(endpoint) as session, session.declare_subscriber(key) as subscriber:
         arrival(subscriber, lambda: live.publish(ground(), stamp()))
         by_bytes = ZenohBytes(socket_path(endpoint))
@@ -301,7 +313,7 @@ def test_listening_anew_in_the_same_place_goes_on_counting_and_a_failure_changes
     users = tmp_path / "users"
     with pytest.raises(UserError, match=f"zenoh.users: cannot read {users}"):
         live.listen_anew(ZenohSettings(listen=endpoint, users=str(users)))
-    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v1") as subscriber:
+    with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v2") as subscriber:
         arrival(subscriber, lambda: live.publish(ground(), stamp()))
     users.write_text("ankle:secret\n", encoding="utf-8")
     live.listen_anew(ZenohSettings(listen=endpoint, users=str(users)))

@@ -26,9 +26,10 @@ from impedance.ankle.table import load_table
 from impedance.ankle.trial import load_trial
 from impedance.recording.c3d import read_c3d
 from impedance.recording.recording import PlatformRecording
-from messages import Attitude, Estimate, GroundPlane, Health, Motion, Terrain, UserError
+from messages import Attitude, Estimate, GroundPlane, Health, Motion, PropagatedGround, Terrain, UserError
+from messages.can_estimates import PAIRS, CanEstimate
 from messages.can_frames import CanMessage, can_id, decode_ankle, profile
-from messages.can_receiver import GroundReceiver, ReceivedGround
+from messages.can_receiver import CanReceiver
 from messages.e2e import E2eCheck, E2eReceiver
 from messages.errors import LONGEST_LINE
 from messages.json_receiver import JsonReceiver, Received
@@ -142,20 +143,25 @@ def _c3d(path: Path) -> None:
 
 
 def _payload(data: bytes, _folder: Path) -> bool:
-    kinds: tuple[type[Estimate], ...] = (GroundPlane, Attitude, Motion, Terrain, Health)
+    kinds: tuple[type[Estimate], ...] = (GroundPlane, PropagatedGround, Attitude, Motion, Terrain, Health)
     receivers = [JsonReceiver(kind, samples.DEVICE, boot_id=samples.BOOT) for kind in kinds]
     t_ns = samples.T_NS + 1_000_000
     return any(isinstance(receiver.feed(data, t_ns, t_ns), Received) for receiver in receivers)
 
 
+FRAME_NS = 8_000_000
+"""From one frame of a bus to the next."""
+
+
 def _bus(data: bytes, _folder: Path) -> bool:
-    grounds, ankle = GroundReceiver(), E2eReceiver(profile(CanMessage.ANKLE_STATE))
+    receivers, ankle = [CanReceiver(kind) for kind in PAIRS], E2eReceiver(profile(CanMessage.ANKLE_STATE))
     taken, place, t_ns = False, 0, 0
     while place < len(data):
         frame_id, length = int.from_bytes(data[place : place + 2], "big"), data[place + 2 : place + 3]
         frame = data[place + 3 : place + 3 + (length[0] if length else 0)]
-        place, t_ns = place + 3 + len(frame), t_ns + 25_000_000
-        taken |= isinstance(grounds.feed(frame_id, frame, t_ns), ReceivedGround)
+        place, t_ns = place + 3 + len(frame), t_ns + FRAME_NS
+        for receiver in receivers:
+            taken |= isinstance(receiver.feed(frame_id, frame, t_ns), CanEstimate)
         if frame_id == can_id(CanMessage.ANKLE_STATE) and ankle.check(frame, t_ns) is E2eCheck.OK:
             decode_ankle(frame, t_ns)
     return taken

@@ -27,7 +27,8 @@ from messages import (
     Source,
     StereoFrame,
 )
-from messages.can_frames import CanEncoder, CanFrame
+from messages.can_encoder import CanEncoder
+from messages.can_frames import CanFrame
 from messages.codec import encode_line
 from sim_rig.camera.depth_unit import draw_depth_unit
 from sim_rig.platform import ankle
@@ -35,7 +36,7 @@ from sim_rig.platform.ankle_person import person
 from sim_rig.platform.rig import FOOT, PLATE, Rig
 from sim_rig.platform.run import RunSettings, measured, simulate
 from sim_rig.unit import draw_unit
-from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion, stamp
+from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion, propagated_ground, stamp, terrain
 from tests.bench.recorded import walk
 
 DEVICE, BOOT = "unit-1", "boot"
@@ -124,7 +125,15 @@ def states() -> tuple[bytes, ...]:
 
 def payloads() -> tuple[bytes, ...]:
     """Return a published line of every topic, captured 40 ms before it."""
-    told: tuple[Estimate, ...] = (ground(), invalid_ground(), attitude(), motion(), health())
+    told: tuple[Estimate, ...] = (
+        ground(),
+        invalid_ground(),
+        propagated_ground(),
+        attitude(),
+        motion(),
+        terrain(),
+        health(),
+    )
     lines = []
     for estimate in told:
         event = next(name for name in ("t_exposure_ns", "t_sample_ns", "t_ns") if hasattr(estimate, name))
@@ -138,7 +147,11 @@ def buses() -> tuple[bytes, ...]:
     """Return the frames of half a second of CAN, each as identifier (2 bytes), length and data."""
     encoder, frames = CanEncoder(), list[CanFrame]()
     for seq in range(10):
-        frames += encoder.ground(ground(), stamp(seq=seq), 0.04)
+        sealed = stamp(seq=seq)
+        frames += encoder.ground(ground(), sealed, 0.04)
+        frames += encoder.propagated_ground(propagated_ground(), sealed, 0.004)
+        frames += encoder.foothold(terrain(), sealed, 0.04)
+        frames += encoder.terrain(terrain(), sealed, 0.04)
         frames.append(encoder.ankle(_ANKLE))
     frames.append(encoder.health(health(), stamp()))
     return (b"".join(frame.can_id.to_bytes(2, "big") + bytes([len(frame.data)]) + frame.data for frame in frames),)

@@ -10,7 +10,8 @@ from drivers.can.link import CanLink, SendResult
 from drivers.can.settings import CanInterface, CanSettings
 from drivers.protocols import DeviceError
 from messages import CanState
-from messages.can_frames import CanEncoder, CanMessage, can_id
+from messages.can_encoder import CanEncoder
+from messages.can_frames import CanMessage, can_id
 from tests.drivers.can.test_link_contract import (
     BUS_OFF,
     CONTROLLER,

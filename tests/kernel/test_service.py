@@ -28,7 +28,7 @@ class Ears:
     def __init__(self, endpoint: str) -> None:
         self.heard: dict[str, list[dict[str, Any]]] = {}
         self._session = client(endpoint)
-        self._subscriber = self._session.declare_subscriber(f"gaiteyes/{DEVICE}/*/v1", self._hear)
+        self._subscriber = self._session.declare_subscriber(f"gaiteyes/{DEVICE}/*/v2", self._hear)
 
     def _hear(self, sample: Any) -> None:
         topic = str(sample.key_expr).split("/")[2]

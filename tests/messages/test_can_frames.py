@@ -7,13 +7,31 @@ import subprocess
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 from crccheck.crc import Crc8Autosar  # type: ignore[import-untyped]  # the package carries no type hints
 
-from messages import TOPIC_OF, DropCause, GaitPhase, GroundPlane, Health, Load, Reason, Source, Status
-from messages.can_frames import NOT_AVAILABLE, CanEncoder, CanMessage, database, decode, decode_ankle, profile
+from messages import (
+    INTERFACE_VERSION,
+    TOPIC_OF,
+    DropCause,
+    GaitPhase,
+    GroundPlane,
+    Health,
+    Load,
+    NextFoothold,
+    PropagatedGround,
+    Reason,
+    Side,
+    Source,
+    Status,
+    Terrain,
+    TerrainKind,
+)
+from messages.can_encoder import CanEncoder
+from messages.can_frames import NOT_AVAILABLE, CanMessage, EdgeTold, database, decode, decode_ankle, profile
 from messages.e2e import E2eCheck, E2eReceiver, E2eSender, Profile2
-from tests.bench.can_samples import NAN, ground, health, invalid_ground, stamp
+from tests.bench.can_samples import NAN, ground, health, invalid_ground, propagated_ground, stamp, terrain
 
 ALL_MESSAGES = pytest.mark.parametrize("message", list(CanMessage))
 IDS_0_TO_15 = Profile2(length=8, data_ids=bytes(range(16)), max_delta=3, cycle_s=0.05)
@@ -87,6 +105,18 @@ def test_after_a_silence_the_sequence_begins_anew() -> None:
         ("GROUND", "status", Status),
         ("GROUND", "source", Source),
         ("GROUND_QUALITY", "reason", Reason),
+        ("PROPAGATED_GROUND", "status", Status),
+        ("PROPAGATED_GROUND", "source", Source),
+        ("PROPAGATED_GROUND_QUALITY", "reason", Reason),
+        ("FOOTHOLD", "status", Status),
+        ("FOOTHOLD", "source", Source),
+        ("FOOTHOLD", "side", Side),
+        ("FOOTHOLD_QUALITY", "reason", Reason),
+        ("TERRAIN", "status", Status),
+        ("TERRAIN", "source", Source),
+        ("TERRAIN", "kind", TerrainKind),
+        ("TERRAIN", "edge", EdgeTold),
+        ("TERRAIN_QUALITY", "reason", Reason),
         ("HEALTH", "source", Source),
         ("HEALTH", "load", Load),
         ("ANKLE_STATE", "phase", GaitPhase),
@@ -96,6 +126,27 @@ def test_the_dbc_and_the_enums_hold_the_same_words(message: str, signal: str, wo
     choices = database().get_message_by_name(message).get_signal_by_name(signal).choices
     assert choices is not None
     assert sorted(str(name) for name in choices.values()) == sorted(str(member.value) for member in words)
+
+
+def test_the_dbc_has_the_version_of_the_interface() -> None:
+    assert database().version == str(INTERFACE_VERSION)
+
+
+@pytest.mark.parametrize(
+    ("message", "data_ids"),
+    [
+        (CanMessage.GROUND, "A6 9B 75 77 A2 72 66 68 B3 6C 54 A3 1D 43 E3 B4"),
+        (CanMessage.GROUND_QUALITY, "1C EA F9 E6 6B 59 B6 21 2A B9 8B 8A 47 F3 7A A8"),
+    ],
+)
+def test_a_receiver_made_for_version_1_refuses_a_ground_that_means_something_else(
+    message: CanMessage, data_ids: str
+) -> None:
+    of_version_1 = msgspec.structs.replace(profile(message), data_ids=bytes.fromhex(data_ids))
+    encoder, receiver = CanEncoder(), E2eReceiver(of_version_1)
+    half = (CanMessage.GROUND, CanMessage.GROUND_QUALITY).index(message)
+    checks = [receiver.check(encoder.ground(ground(), stamp(), 0.05)[half].data, n * 50_000_000) for n in range(32)]
+    assert set(checks) == {E2eCheck.WRONG_CRC}
 
 
 @ALL_MESSAGES
@@ -132,6 +183,10 @@ def test_no_two_messages_share_a_data_id() -> None:
 def test_the_cycle_times_are_those_of_the_topics() -> None:
     cycles = {message.value: profile(message).cycle_s for message in CanMessage}
     assert cycles["GROUND"] == cycles["GROUND_QUALITY"] == pytest.approx(1.0 / TOPIC_OF[GroundPlane].rate_hz)
+    carried = [cycles[name] for name in ("PROPAGATED_GROUND", "PROPAGATED_GROUND_QUALITY")]
+    assert carried == pytest.approx([1.0 / TOPIC_OF[PropagatedGround].rate_hz] * 2)
+    of_terrain = [cycles[name] for name in ("FOOTHOLD", "FOOTHOLD_QUALITY", "TERRAIN", "TERRAIN_QUALITY")]
+    assert of_terrain == pytest.approx([1.0 / TOPIC_OF[Terrain].rate_hz] * 4)
     assert cycles["HEALTH"] == pytest.approx(1.0 / TOPIC_OF[Health].rate_hz)
 
 
@@ -227,3 +282,72 @@ def test_the_codec_that_cantools_makes_for_a_microcontroller_reads_the_same(tmp_
     encoder = CanEncoder()
     assert read_in_c(encoder.ground(ground(), stamp(), 0.0405)[0].data) == "1 1 0.1000 -0.0500 0.931 41 0"
     assert read_in_c(encoder.ground(invalid_ground(), stamp(), 0.0405)[0].data).endswith(" 41 1")
+
+
+def test_terrain_without_edges_and_obstacles_says_so() -> None:
+    first, second = CanEncoder().terrain(terrain(edges=(), obstacles=()), stamp(), 0.05)
+    told, quality = decode(CanMessage.TERRAIN, first.data), decode(CanMessage.TERRAIN_QUALITY, second.data)
+    assert (told.words["status"], told.words["edge"]) == ("valid", "none")
+    assert told.numbers["edges_ahead"] == told.numbers["obstacles_ahead"] == 0
+    missing = [name for name, number in (told.numbers | quality.numbers).items() if math.isnan(number)]
+    assert missing == [
+        "edge_distance_m",
+        "edge_rise_m",
+        "edge_distance_sd_m",
+        "edge_rise_sd_m",
+        "obstacle_distance_m",
+        "obstacle_left_m",
+    ]
+
+
+@pytest.mark.parametrize("change", [{"rise_m": 2.1}, {"rise_sd_m": 0.3}, {"distance_m": 4.2}, {"distance_sd_m": NAN}])
+def test_an_edge_that_does_not_fit_voids_the_terrain_and_not_the_foothold(change: dict[str, float]) -> None:
+    sent = terrain(edges=(msgspec.structs.replace(terrain().edges[0], **change),))
+    encoder = CanEncoder()
+    first, second = encoder.terrain(sent, stamp(), 0.05)
+    told, quality = decode(CanMessage.TERRAIN, first.data), decode(CanMessage.TERRAIN_QUALITY, second.data)
+    assert told.words == {"status": "invalid", "source": "live", "kind": "unknown", "edge": "none"}
+    assert quality.words["reason"] == "out_of_range"
+    assert math.isnan(quality.numbers["probability"])
+    assert decode(CanMessage.FOOTHOLD, encoder.foothold(sent, stamp(), 0.05)[0].data).words["status"] == "valid"
+
+
+@pytest.mark.parametrize("change", [{"ahead_m": 3.0}, {"rise_m": NAN}, {"time_to_contact_sd_s": 0.6}])
+def test_a_foothold_that_does_not_fit_is_void_and_its_terrain_is_not(change: dict[str, float]) -> None:
+    sent = terrain(foothold=msgspec.structs.replace(terrain().foothold, **change))
+    encoder = CanEncoder()
+    first, second = encoder.foothold(sent, stamp(), 0.05)
+    told, quality = decode(CanMessage.FOOTHOLD, first.data), decode(CanMessage.FOOTHOLD_QUALITY, second.data)
+    assert told.words == {"status": "invalid", "source": "live", "side": "right"}
+    assert quality.words["reason"] == "out_of_range"
+    assert math.isnan(told.numbers["ahead_m"])
+    assert decode(CanMessage.TERRAIN, encoder.terrain(sent, stamp(), 0.05)[0].data).words["status"] == "valid"
+
+
+def test_a_next_step_that_is_not_known_has_no_number_in_a_valid_estimate() -> None:
+    sent = terrain(foothold=NextFoothold.unknown(Side.LEFT))
+    first, second = CanEncoder().foothold(sent, stamp(), 0.05)
+    told, quality = decode(CanMessage.FOOTHOLD, first.data), decode(CanMessage.FOOTHOLD_QUALITY, second.data)
+    assert told.words == {"status": "valid", "source": "live", "side": "left"}
+    known = [name for name, number in (told.numbers | quality.numbers).items() if not math.isnan(number)]
+    assert known == ["crc", "counter", "frame_number", "age_ms"]
+
+
+def test_the_carried_ground_tells_the_age_of_its_picture_rounded_up() -> None:
+    first, second = CanEncoder().propagated_ground(propagated_ground(), stamp(), 0.0041)
+    told = decode(CanMessage.PROPAGATED_GROUND, first.data)
+    quality = decode(CanMessage.PROPAGATED_GROUND_QUALITY, second.data)
+    assert told.words == {"status": "valid", "source": "live"}
+    assert (told.numbers["age_ms"], quality.numbers["picture_age_ms"]) == (5.0, 63.0)
+    assert told.numbers["height_m"] == pytest.approx(0.917)
+    assert quality.numbers["height_sd_m"] == pytest.approx(0.004)
+
+
+@pytest.mark.parametrize("change", [{"height_m": 5.0}, {"picture_age_s": NAN}, {"covariance": (1.0,) * 6}])
+def test_a_carried_ground_that_does_not_fit_is_void(change: dict[str, object]) -> None:
+    first, second = CanEncoder().propagated_ground(propagated_ground(**change), stamp(), 0.004)
+    told = decode(CanMessage.PROPAGATED_GROUND, first.data)
+    quality = decode(CanMessage.PROPAGATED_GROUND_QUALITY, second.data)
+    assert (told.words["status"], quality.words["reason"]) == ("invalid", "out_of_range")
+    assert math.isnan(told.numbers["height_m"])
+    assert math.isnan(quality.numbers["picture_age_ms"])

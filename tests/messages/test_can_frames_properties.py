@@ -2,16 +2,19 @@
 
 import itertools
 import math
+from typing import cast
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages import AnkleState, GaitPhase, Reason, Source, Status
-from messages.can_frames import CanEncoder, CanMessage, decode, decode_ankle, profile
+from messages import AnkleState, GaitPhase, Reason, Side, Source, Status, TerrainEdge, TerrainKind, TerrainObstacle
+from messages.can_encoder import CanEncoder
+from messages.can_frames import CanMessage, database, decode, decode_ankle, packed, profile
 from messages.e2e import COUNTERS, E2eCheck, E2eReceiver, E2eSender, Profile2, counter_of
-from tests.bench.can_samples import NAN, ground, invalid_ground, stamp
+from tests.bench.can_samples import NAN, ground, invalid_ground, stamp, terrain
 
 HALF_SLOPE_STEP_RAD = 0.00025
 HALF_HEIGHT_STEP_M = 0.0005
@@ -109,6 +112,104 @@ def test_ankle_state_comes_back(angle: float, rate: float, load: float, phase: G
     assert told.ankle_angle_rad == pytest.approx(angle, abs=0.000051, nan_ok=True)
     assert told.ankle_rate_radps == pytest.approx(rate, abs=0.00051, nan_ok=True)
     assert told.load_n == pytest.approx(load, abs=0.1001, nan_ok=True)
+
+
+metres = st.floats(0.0, 4.094)
+deviations = st.floats(0.0, 0.25)
+
+
+@given(
+    distance=metres,
+    rise=st.floats(-2.047, 2.047),
+    deviation=deviations,
+    probability=st.floats(0.0, 1.0),
+    kind=st.sampled_from(TerrainKind),
+    bound_only=st.booleans(),
+    behind=st.integers(0, 3),
+    count=st.integers(1, 12),
+)
+def test_terrain_tells_the_nearest_that_is_not_behind(
+    distance: float,
+    rise: float,
+    deviation: float,
+    probability: float,
+    kind: TerrainKind,
+    bound_only: bool,
+    behind: int,
+    count: int,
+) -> None:
+    edge = TerrainEdge(
+        distance_m=distance,
+        distance_sd_m=deviation,
+        rise_m=rise,
+        rise_sd_m=deviation,
+        bound_only=bound_only,
+        yaw_rad=0.0,
+    )
+    thing = TerrainObstacle(distance_m=distance, left_m=0.2, height_m=0.4)
+    passed = msgspec.structs.replace(edge, distance_m=-0.1, rise_m=0.3), msgspec.structs.replace(thing, distance_m=-0.1)
+    sent = terrain(
+        kind=kind,
+        probability=probability,
+        edges=(passed[0],) * behind + (edge,) * count,
+        obstacles=(passed[1],) * behind + (thing,) * count,
+    )
+    first, second = CanEncoder().terrain(sent, stamp(), 0.05)
+    told, quality = decode(CanMessage.TERRAIN, first.data), decode(CanMessage.TERRAIN_QUALITY, second.data)
+    assert told.words == {
+        "status": "valid",
+        "source": "live",
+        "kind": kind.value,
+        "edge": "bound_only" if bound_only else "measured",
+    }
+    assert told.numbers["edge_distance_m"] == pytest.approx(distance, abs=0.00050001)
+    assert told.numbers["edge_rise_m"] == pytest.approx(rise, abs=0.00050001)
+    assert told.numbers["edges_ahead"] == told.numbers["obstacles_ahead"] == min(count, 7)
+    assert deviation - 1e-9 <= quality.numbers["edge_distance_sd_m"] < deviation + 0.001
+    assert deviation - 1e-9 <= quality.numbers["edge_rise_sd_m"] < deviation + 0.0005
+    assert probability - 0.01 < quality.numbers["probability"] <= probability + 1e-9
+    assert quality.numbers["obstacle_distance_m"] == pytest.approx(distance, abs=0.0050001)
+    assert quality.numbers["obstacle_left_m"] == pytest.approx(0.2, abs=0.0050001)
+
+
+@given(
+    side=st.sampled_from(Side),
+    ahead=st.floats(-2.047, 2.047),
+    left=st.floats(-0.511, 0.511),
+    rise=st.floats(-0.511, 0.511),
+    seconds=st.floats(-2.047, 2.047),
+    deviation=deviations,
+)
+def test_the_foothold_comes_back_within_half_a_step(
+    side: Side, ahead: float, left: float, rise: float, seconds: float, deviation: float
+) -> None:
+    found = msgspec.structs.replace(
+        terrain().foothold,
+        side=side,
+        ahead_m=ahead,
+        ahead_sd_m=deviation,
+        left_m=left,
+        left_sd_m=deviation,
+        rise_m=rise,
+        rise_sd_m=deviation,
+        time_to_contact_s=seconds,
+        time_to_contact_sd_s=deviation,
+    )
+    first, second = CanEncoder().foothold(terrain(foothold=found), stamp(), 0.05)
+    told, quality = decode(CanMessage.FOOTHOLD, first.data), decode(CanMessage.FOOTHOLD_QUALITY, second.data)
+    assert told.words == {"status": "valid", "source": "live", "side": side.value}
+    numbers = [told.numbers[name] for name in ("ahead_m", "left_m", "time_to_contact_s")] + [quality.numbers["rise_m"]]
+    assert numbers == pytest.approx([ahead, left, seconds, rise], abs=0.00050001)
+    for name, step in (("ahead_sd_m", 0.001), ("left_sd_m", 0.001), ("rise_sd_m", 0.001)):
+        assert deviation - 1e-9 <= quality.numbers[name] < deviation + step
+    assert deviation - 1e-9 <= quality.numbers["time_to_contact_sd_s"] < deviation + 0.002
+
+
+@given(message=st.sampled_from(CanMessage), data=payloads)
+def test_frames_are_packed_as_cantools_packs_them(message: CanMessage, data: bytes) -> None:
+    definition = database().get_message_by_name(message.value)
+    raws = cast(dict[str, int], definition.decode(data, scaling=False, decode_choices=False))
+    assert packed(message, raws) == definition.encode(raws, scaling=False, strict=False) == data
 
 
 @given(message=st.sampled_from(CanMessage), payload=payloads, counter=st.integers(0, 15))

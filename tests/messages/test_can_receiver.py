@@ -3,11 +3,13 @@
 import pytest
 
 from messages import GroundPlane, Reason, Source, Stamp
-from messages.can_frames import CanEncoder, CanFrame, CanMessage, can_id, profile
-from messages.can_receiver import GroundReceiver, ReceivedGround
+from messages.can_encoder import CanEncoder
+from messages.can_estimates import ReceivedGround, ReceivedPropagatedGround
+from messages.can_frames import CanFrame, CanMessage, can_id, profile
+from messages.can_receiver import CanReceiver
 from messages.e2e import counter_of
 from messages.refusal import Refusal
-from tests.bench.can_samples import ground, health, invalid_ground, stamp
+from tests.bench.can_samples import ground, health, invalid_ground, propagated_ground, stamp
 
 CYCLE_NS = 50_000_000
 
@@ -15,8 +17,8 @@ CYCLE_NS = 50_000_000
 class Bus:
     """One sender and one receiver in step; `seq` and the receiver's time go on with every pair."""
 
-    def __init__(self, receiver: GroundReceiver | None = None) -> None:
-        self.receiver = receiver or GroundReceiver()
+    def __init__(self, receiver: CanReceiver[ReceivedGround] | None = None) -> None:
+        self.receiver = receiver or CanReceiver(ReceivedGround)
         self.encoder = CanEncoder()
         self.seq = 0
         self.t_ns = 7_000_000_000
@@ -105,7 +107,10 @@ def test_damage_and_a_wrong_length_are_refused() -> None:
 
 @pytest.mark.parametrize("source", [Source.REPLAY, Source.SIMULATED])
 def test_only_live_data_is_taken_unless_asked(source: Source) -> None:
-    for receiver, taken in ((GroundReceiver(), False), (GroundReceiver(accept_simulated=True), True)):
+    for receiver, taken in (
+        (CanReceiver(ReceivedGround), False),
+        (CanReceiver(ReceivedGround, accept_simulated=True), True),
+    ):
         bus = Bus(receiver).settled()
         told = bus.feed(*bus.frames(sealed=stamp(seq=1, source=source)))[1]
         assert isinstance(told, ReceivedGround) is taken
@@ -159,7 +164,7 @@ def test_what_waited_in_the_queue_of_a_stuck_bus_is_not_taken_for_fresh() -> Non
 @pytest.mark.parametrize("max_age_s", [0.0, -1.0, 0.254, 1.0, float("nan")])
 def test_an_age_limit_that_frames_cannot_prove_is_refused(max_age_s: float) -> None:
     with pytest.raises(ValueError, match="max_age_s"):
-        GroundReceiver(max_age_s=max_age_s)
+        CanReceiver(ReceivedGround, max_age_s=max_age_s)
 
 
 def test_identifiers_put_the_halves_on_the_bus_in_order_and_the_ankle_first() -> None:
@@ -168,3 +173,37 @@ def test_identifiers_put_the_halves_on_the_bus_in_order_and_the_ankle_first() ->
     first, second = Bus().frames()
     assert (first.can_id, second.can_id) == (can_id(CanMessage.GROUND), can_id(CanMessage.GROUND_QUALITY))
     assert counter_of(first.data) == counter_of(second.data)
+
+
+def carried(encoder: CanEncoder, seq: int, age_s: float = 0.004) -> tuple[CanFrame, CanFrame]:
+    return encoder.propagated_ground(propagated_ground(), stamp(seq=seq), age_s)
+
+
+def test_a_carried_ground_is_taken_a_hundred_times_a_second_with_the_age_of_its_picture() -> None:
+    encoder, receiver = CanEncoder(), CanReceiver(ReceivedPropagatedGround)
+    found = []
+    for seq in range(5):
+        t_ns = 7_000_000_000 + 10_000_000 * seq
+        found += [receiver.feed(frame.can_id, frame.data, t_ns) for frame in carried(encoder, seq)]
+    assert found[:2] == [Refusal.INITIAL, Refusal.INITIAL]
+    told = found[3::2]
+    assert all(isinstance(each, ReceivedPropagatedGround) for each in told)
+    newest = told[-1]
+    assert isinstance(newest, ReceivedPropagatedGround)
+    assert newest.t_sample_ns == 7_040_000_000 - 4_000_000
+    assert newest.picture_age_s == pytest.approx(0.063)
+    numbers = [newest.slope_sagittal_rad, newest.slope_frontal_rad, newest.height_m]
+    assert numbers == pytest.approx([0.09, -0.06, 0.917])
+    deviations = [newest.slope_sagittal_sd_rad, newest.slope_frontal_sd_rad, newest.height_sd_m]
+    assert deviations == pytest.approx([0.01, 0.02, 0.004])
+
+
+def test_carried_grounds_on_the_heels_of_each_other_and_old_ones_are_refused() -> None:
+    encoder, receiver = CanEncoder(), CanReceiver(ReceivedPropagatedGround)
+    [receiver.feed(frame.can_id, frame.data, 0) for frame in carried(encoder, 0)]
+    first, second = carried(encoder, 1)
+    assert receiver.feed(first.can_id, first.data, 2_400_000) is Refusal.TOO_SOON
+    assert receiver.feed(second.can_id, second.data, 2_400_000) is Refusal.FRAME_MISMATCH
+    first, second = carried(encoder, 2, age_s=0.061)
+    assert receiver.feed(first.can_id, first.data, 10_000_000) is Refusal.FIRST_HALF
+    assert receiver.feed(second.can_id, second.data, 10_000_000) is Refusal.STALE

@@ -1,6 +1,7 @@
 """What passes a receiver of published JSON, and that nothing a payload may hold gets further or raises."""
 
 import json
+import math
 from typing import Any
 
 import msgspec
@@ -16,6 +17,7 @@ from messages import (
     Health,
     Motion,
     NextFoothold,
+    PropagatedGround,
     Refusal,
     Side,
     Source,
@@ -24,7 +26,17 @@ from messages import (
 )
 from messages.codec import encode_line
 from messages.json_receiver import LONGEST_PAYLOAD_BYTES, JsonReceiver, Received
-from tests.bench.can_samples import NAN, attitude, ground, health, invalid_ground, motion, stamp, terrain
+from tests.bench.can_samples import (
+    NAN,
+    attitude,
+    ground,
+    health,
+    invalid_ground,
+    motion,
+    propagated_ground,
+    stamp,
+    terrain,
+)
 
 HERE, ELSEWHERE = "this boot", "another machine's boot"
 T0_NS = 50_000_000_000
@@ -182,13 +194,21 @@ def test_a_slow_topic_needs_three_periods_of_silence() -> None:
     assert isinstance(told(13, 0), Received)
 
 
-TIMES = {Attitude: "t_sample_ns", Motion: "t_exposure_ns", Terrain: "t_exposure_ns", Health: "t_ns"}
+TIMES = {
+    Attitude: "t_sample_ns",
+    PropagatedGround: "t_sample_ns",
+    Motion: "t_exposure_ns",
+    Terrain: "t_exposure_ns",
+    Health: "t_ns",
+}
 
 
 @pytest.mark.parametrize(
-    "sample", [attitude(), motion(), terrain(), health()], ids=["attitude", "motion", "terrain", "health"]
+    "sample",
+    [attitude(), propagated_ground(), motion(), terrain(), health()],
+    ids=["attitude", "propagated_ground", "motion", "terrain", "health"],
 )
-def test_the_other_topics_pass_too(sample: Attitude | Motion | Terrain | Health) -> None:
+def test_the_other_topics_pass_too(sample: Attitude | PropagatedGround | Motion | Terrain | Health) -> None:
     listening: JsonReceiver[Estimate] = JsonReceiver(type(sample), "unit-1", boot_id=HERE)
     t_ns = 5_000_000_000
     sample = msgspec.structs.replace(sample, **{TIMES[type(sample)]: t_ns})
@@ -196,6 +216,22 @@ def test_the_other_topics_pass_too(sample: Attitude | Motion | Terrain | Health)
     found = listening.feed(encode_line(TOPIC_OF[type(sample)], sample, stamped), t_ns, t_ns)
     assert isinstance(found, Received)
     assert found.message == sample
+
+
+@pytest.mark.parametrize(
+    "missing",
+    [
+        {"picture_age_s": NAN},
+        {"height_m": math.inf},
+        {"covariance": (1.0, 0.0, 0.0, -1.0, 0.0, 1.0)},
+        {"covariance": (1.0, NAN, 0.0, 1.0, 0.0, 1.0)},
+    ],
+)
+def test_a_valid_carried_ground_without_a_number_is_refused(missing: dict[str, object]) -> None:
+    listening: JsonReceiver[PropagatedGround] = JsonReceiver(PropagatedGround, "unit-1", boot_id=HERE)
+    data = encode_line(TOPIC_OF[PropagatedGround], propagated_ground(**missing), stamp(boot_id=HERE))
+    t_ns = stamp().t_publish_ns
+    assert listening.feed(data, t_ns, t_ns) is Refusal.NOT_AVAILABLE
 
 
 @pytest.mark.parametrize(

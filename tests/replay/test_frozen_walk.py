@@ -5,9 +5,12 @@ from collections import Counter
 from functools import partial
 
 import cv2
+import numpy as np
 import pytest
 
 from messages import Calibration, Input
+from messages.arrays import rms
+from messages.constants import NORMAL_95
 from tests.replay.freeze import deviations, frozen, frozen_walk, replayed
 
 _CV_CPU_AVX2 = 11  # OpenCV's number of the instruction set, which its Python module does not name
@@ -32,7 +35,11 @@ def replay(walk: tuple[Calibration, list[Input]]) -> bytes:
 def test_the_walk_is_replayed_as_it_was_frozen(replay: bytes) -> None:
     pixels_are_ours = cv2.checkHardwareSupport(_CV_CPU_AVX2)
     for field, most in deviations(replay, frozen()).items():
-        allowed = _MOST if pixels_are_ours or not field.startswith("ground.") else _MOST_WITH_OTHER_PIXELS
+        allowed = (
+            _MOST
+            if pixels_are_ours or not field.startswith(("ground.", "propagated_ground."))
+            else _MOST_WITH_OTHER_PIXELS
+        )
         assert most <= allowed, f"{field} differs; if it is meant to: python -m tests.replay.freeze --write"
 
 
@@ -56,3 +63,31 @@ def test_the_frozen_walk_has_a_start_two_slopes_and_both_silences() -> None:
     assert sum(abs(slope) < 0.02 for slope in valid) > 15
     assert sum(abs(slope - 0.087) < 0.02 for slope in valid) > 5
     assert {"starting", "no_frame", "no_imu"} <= Counter(line["reason"] for line in grounds).keys()
+
+
+def test_the_carried_ground_agrees_with_the_next_frame_as_well_as_both_say(replay: bytes) -> None:
+    """At each exposure: the last frame's plane carried there, against that frame's own; and held, for comparison."""
+    fields = ("slope_sagittal_rad", "slope_frontal_rad", "height_m")
+    path: list[tuple[int, list[float]]] = []
+    held: list[float] | None = None
+    off, height_off_m, held_off_m = [], [], []
+    for line in map(json.loads, replay.splitlines()):
+        if line["topic"] == "propagated_ground":
+            plane = [*(line[name] for name in fields), *(line["covariance"][k] for k in (0, 3, 5))]
+            path = [*path, (line["t_sample_ns"], plane)] if line["status"] == "valid" else []
+        elif line["topic"] == "ground" and line["status"] == "valid":
+            t_ns, told = line["t_exposure_ns"], np.array([line[name] for name in fields])
+            times_ns = [t for t, _ in path]
+            if len(path) > 1 and times_ns[0] <= t_ns <= times_ns[-1] and held is not None:
+                carried = np.array(
+                    [np.interp(t_ns, times_ns, column) for column in zip(*(p for _, p in path), strict=True)]
+                )
+                variances = carried[3:] + np.array(line["covariance"])[[0, 3, 5]]
+                off.append(np.abs(told - carried[:3]) <= NORMAL_95 * np.sqrt(variances))
+                height_off_m.append(told[2] - carried[2])
+                held_off_m.append(told[2] - held[2])
+            held = told.tolist()
+    assert len(off) > 30
+    assert np.mean(off, axis=0).min() >= 0.95
+    assert rms(np.array(height_off_m)) < 0.003
+    assert rms(np.array(held_off_m)) > 2.0 * rms(np.array(height_off_m))

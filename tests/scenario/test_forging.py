@@ -96,7 +96,7 @@ def test_without_access_control_the_same_programs_would_be_heard(endpoint: str, 
         "scouting/gossip/enabled": False,
     }.items():
         config.insert_json5(name, json.dumps(value))
-    with zenoh.open(config) as open_to_all, open_to_all.declare_subscriber(f"gaiteyes/{DEVICE}/ground/v1") as heard:
+    with zenoh.open(config) as open_to_all, open_to_all.declare_subscriber(f"gaiteyes/{DEVICE}/ground/v2") as heard:
         adversary = forging(kind, endpoint)
         assert json.loads(bytes(arrival(heard).payload))["height_m"] == FORGED_HEIGHT_M
         assert sent(adversary) > 0

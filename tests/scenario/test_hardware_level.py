@@ -21,7 +21,8 @@ from drivers.can.settings import CanInterface, CanSettings
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
 from messages import Reason, Source
-from messages.can_receiver import GroundReceiver, ReceivedGround
+from messages.can_estimates import ReceivedGround
+from messages.can_receiver import CanReceiver
 from messages.refusal import Refusal
 from perception.ground.foothold import FootholdSettings
 from sim_rig.camera.v4l2_node import V4l2Node
@@ -39,7 +40,7 @@ def wearer() -> Iterator[SimulatedWearer]:
         yield simulated
 
 
-def heard(bus: can.BusABC, receiver: GroundReceiver) -> list[ReceivedGround | str]:
+def heard(bus: can.BusABC, receiver: CanReceiver[ReceivedGround]) -> list[ReceivedGround | str]:
     """Return what the frames waiting on the bus say: estimates, or the reason why there is none."""
     found = list[ReceivedGround | str]()
     while (frame := bus.recv(0.0)) is not None:
@@ -76,7 +77,7 @@ def test_a_standing_wearer_is_heard_on_can_and_an_unplugged_camera_falls_silent(
         Stamper("test", read_boot_id(), Source.LIVE),
         background={"can": publisher.drain},
     )
-    receiver, grounds, after = GroundReceiver(), list[ReceivedGround](), list[ReceivedGround | str]()
+    receiver, grounds, after = CanReceiver(ReceivedGround), list[ReceivedGround](), list[ReceivedGround | str]()
     unplugged = False
     silence = [Reason.NO_FRAME.value] * 20  # one second
 

@@ -25,7 +25,8 @@ from drivers.can.settings import CanInterface, CanSettings, parse_can
 from drivers.can.state import CanStateWatch
 from drivers.protocols import AnkleSource, DeviceError
 from messages import AnkleState, CanState, GaitPhase
-from messages.can_frames import CanEncoder, CanFrame, CanMessage, can_id
+from messages.can_encoder import CanEncoder
+from messages.can_frames import CanFrame, CanMessage, can_id
 from messages.e2e import E2eCheck
 from sim_rig.can.slcan_hub import SlcanHub
 from tests.bench.can_samples import ground, stamp

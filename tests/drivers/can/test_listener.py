@@ -9,7 +9,8 @@ import pytest
 
 from drivers.can.listener import CanListener, listen_can
 from messages import GroundPlane, Refusal, Source, Stamp, UserError
-from messages.can_frames import CanEncoder
+from messages.can_encoder import CanEncoder
+from messages.can_estimates import ReceivedGround
 from sim_rig.can.slcan_hub import SlcanHub
 from tests.bench.can_samples import ground, stamp
 from tests.bench.slcan_hub import served_hub
@@ -57,7 +58,7 @@ def hub() -> Iterator[SlcanHub]:
         yield served
 
 
-def listening(hub: SlcanHub, timeout_s: float = PATIENCE_S) -> CanListener:
+def listening(hub: SlcanHub, timeout_s: float = PATIENCE_S) -> CanListener[ReceivedGround]:
     return listen_can(f"slcan:{hub.channel}", timeout_s=timeout_s)
 
 

@@ -21,6 +21,7 @@ from messages import (
     GroundPlane,
     Health,
     Motion,
+    PropagatedGround,
     Refusal,
     Source,
     Status,
@@ -29,10 +30,10 @@ from messages import (
 )
 from messages.codec import encode_line
 from messages.json_receiver import LONGEST_PAYLOAD_BYTES, Received
-from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion, stamp, terrain
+from tests.bench.can_samples import attitude, ground, health, invalid_ground, motion, propagated_ground, stamp, terrain
 from tests.bench.zenoh_peer import PATIENCE_POLLS, POLL_S, free_endpoint
 
-KEY = "gaiteyes/unit-1/ground/v1"
+KEY = "gaiteyes/unit-1/ground/v2"
 PATIENCE_S = PATIENCE_POLLS * POLL_S
 
 E = TypeVar("E", bound=Estimate)
@@ -276,6 +277,7 @@ def test_a_service_that_comes_back_is_found_again(endpoint: str) -> None:
 SAMPLES: dict[type[Estimate], tuple[Estimate, str]] = {
     Attitude: (attitude(), "t_sample_ns"),
     GroundPlane: (ground(), "t_exposure_ns"),
+    PropagatedGround: (propagated_ground(), "t_sample_ns"),
     Motion: (motion(), "t_exposure_ns"),
     Terrain: (terrain(), "t_exposure_ns"),
     Health: (health(), "t_ns"),
@@ -314,9 +316,9 @@ def test_nobody_to_connect_to_is_one_clear_line(connect: str) -> None:
 @pytest.mark.parametrize(
     ("topic", "device"),
     [
-        ("gaiteyes/unit-1/imu/v1", None),
-        ("gaiteyes/unit-1/ground/v2", None),
-        ("gaiteyes/*/ground/v1", None),
+        ("gaiteyes/unit-1/imu/v2", None),
+        ("gaiteyes/unit-1/ground", None),
+        ("gaiteyes/*/ground/v2", None),
         ("gaiteyes/**", None),
         ("ground", None),
         ("ground", "a/b"),
@@ -326,5 +328,16 @@ def test_nobody_to_connect_to_is_one_clear_line(connect: str) -> None:
     ],
 )
 def test_a_topic_that_is_none_is_one_clear_line(topic: str, device: str | None) -> None:
-    with pytest.raises(UserError, match="TOPIC one of attitude, ground, motion, terrain, health"):
+    with pytest.raises(UserError, match="TOPIC one of attitude, ground, propagated_ground, motion, terrain, health"):
         listen(topic, device)
+
+
+@pytest.mark.parametrize("branch", ["", "replay/"])
+@pytest.mark.parametrize("version", ["1", "3", "22"])
+def test_a_key_of_another_version_is_one_clear_line_that_tells_the_key_of_this_one(branch: str, version: str) -> None:
+    key = f"gaiteyes/unit-1/{branch}ground/v"
+    with pytest.raises(UserError, match="mean something else") as refused:
+        listen(f"{key}{version}")
+    assert str(refused.value).startswith(f"'{key}{version}': ")
+    assert str(refused.value).endswith(f"'{key}2'")
+    assert "\n" not in str(refused.value)

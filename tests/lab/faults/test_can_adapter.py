@@ -9,8 +9,10 @@ import pytest
 
 from drivers.can.link import CanLink, SendResult
 from lab.faults.can_adapter import SimulatedCanAdapter
-from messages.can_frames import CanEncoder, CanFrame
-from messages.can_receiver import GroundReceiver, ReceivedGround
+from messages.can_encoder import CanEncoder
+from messages.can_estimates import ReceivedGround
+from messages.can_frames import CanFrame
+from messages.can_receiver import CanReceiver
 from messages.e2e import E2eCheck
 from tests.bench.can_samples import ground, stamp
 
@@ -86,7 +88,7 @@ def test_an_adapter_that_takes_nothing_fills_its_port(adapter: SimulatedCanAdapt
 def test_another_sender_under_our_identifiers_is_not_believed(adapter: SimulatedCanAdapter, link: CanLink) -> None:
     served(adapter, link, lambda: link.counters.ankle_states >= 1)
     adapter.identifiers_taken = True
-    receiver = GroundReceiver(accept_simulated=True)
+    receiver = CanReceiver(ReceivedGround, accept_simulated=True)
     before = link.counters.ankle_states
     heard = served(adapter, link, lambda: link.counters.ankle_refused.get(E2eCheck.WRONG_CRC, 0) >= 20)
     assert len(heard) >= 20
