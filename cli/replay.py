@@ -10,27 +10,43 @@ def replay(
     source: Annotated[Path, typer.Argument(help="An MCAP recording, or a folder in the EuRoC/ASL layout.")],
     out: Annotated[Path | None, typer.Option(help="Write every estimate as one JSON object a line.")] = None,
     config: Annotated[Path | None, typer.Option(help="Use this configuration instead of the source's.")] = None,
+    overlay: Annotated[
+        Path | None,
+        typer.Option(
+            help="Draw what is said of each frame into its picture: a video (.mp4, .mkv, .avi) or a folder of PNGs."
+        ),
+    ] = None,
     json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
 ) -> None:
     """Replay SOURCE through the pipeline; the same source gives the same bytes."""
     from collections import Counter
+    from contextlib import ExitStack, closing
 
     import cv2
 
     from cli.console import RECORDING_CUT, check_writable, floor_table, score_table, table, write_json
+    from cli.overlay.overlay import Overlay
+    from cli.overlay.picture_files import open_pictures
     from daemon import replay as replaying
     from daemon.config import load_configuration
     from daemon.pipeline import Pipeline
     from daemon.replay_source import open_source
     from lab.evaluation.floor import score_floor
     from lab.evaluation.score import Scoreboard
-    from messages import Frame, Status
+    from messages import TOPICS, Frame, Status
 
     check_writable(json)
     cv2.setNumThreads(1)
     opened = open_source(source, None if config is None else load_configuration(config))
     foothold = opened.configuration.foothold
-    replayed = replaying.replay(opened.inputs(), Pipeline(opened.calibration, foothold, opened.learnt), out)
+    pipeline = Pipeline(opened.calibration, foothold, opened.learnt)
+    with ExitStack() as stack:
+        observers = []
+        if overlay is not None:
+            files = stack.enter_context(closing(open_pictures(overlay, TOPICS["frame"].rate_hz)))
+            drawing = Overlay(opened.calibration, foothold, files, lambda: pipeline.surfaces)
+            observers.append(stack.enter_context(closing(drawing)))
+        replayed = replaying.replay(opened.inputs(), pipeline, out, observers)
     damage = opened.damage()
 
     valid = sum(ground.status is Status.VALID for ground in replayed.grounds)

@@ -38,6 +38,7 @@ from perception.motion.odometry import Odometry
 from perception.motion.watch import MotionWatch
 from perception.sample_guard import SampleGuard
 from perception.terrain.estimator import TerrainEstimator
+from perception.terrain.surfaces import PathSurfaces
 
 LONGEST_WAIT_NS = 20_000_000
 """How long after its arrival a frame waits for an IMU sample later than its exposure, told by ticks."""
@@ -95,6 +96,11 @@ class Pipeline:
     def learnt(self) -> Learnt:
         """Return what the unit has learnt of its sensors by now; it is another object whenever that has changed."""
         return self._attitude.learnt
+
+    @property
+    def surfaces(self) -> PathSurfaces:
+        """Return the surfaces of the path that the newest terrain with numbers was made of."""
+        return self._terrain.surfaces
 
     def step(self, message: Input) -> Iterator[Estimate]:
         """Take one input, in the order of arrival, and yield the estimates that it completes, each when it is ready.

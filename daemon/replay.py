@@ -1,15 +1,15 @@
 """Recorded inputs through the pipeline, every estimate to a file of JSON lines."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import BinaryIO, TypeVar
+from typing import BinaryIO, Protocol, TypeVar
 
 import msgspec
 
 from daemon.pipeline import Pipeline
-from messages import TOPIC_OF, GroundPlane, Input, UserError
+from messages import TOPIC_OF, Estimate, GroundPlane, Input, UserError
 from messages.codec import encode_line
 
 T = TypeVar("T")
@@ -22,7 +22,19 @@ class Replayed(msgspec.Struct, frozen=True, kw_only=True):
     estimates: dict[str, int]
 
 
-def replay(inputs: Iterable[Input], pipeline: Pipeline, out: Path | None) -> Replayed:
+class ReplayObserver(Protocol):
+    """Sees what goes into the pipeline and what comes out of it, in their order."""
+
+    def add_input(self, message: Input) -> None:
+        """Take one input before the pipeline does."""
+
+    def add_estimate(self, estimate: Estimate) -> None:
+        """Take one estimate."""
+
+
+def replay(
+    inputs: Iterable[Input], pipeline: Pipeline, out: Path | None, observers: Sequence[ReplayObserver] = ()
+) -> Replayed:
     """Drive `pipeline` with `inputs`; write each estimate as one JSON object a line to `out`.
 
     Raises UserError where `out` cannot be written.
@@ -32,9 +44,13 @@ def replay(inputs: Iterable[Input], pipeline: Pipeline, out: Path | None) -> Rep
     with ExitStack() as stack:
         lines = None if out is None else stack.enter_context(_Lines(out))
         for message in inputs:
+            for observer in observers:
+                observer.add_input(message)
             for estimate in pipeline.step(message):
                 topic = TOPIC_OF[type(estimate)]
                 counts[topic.name] += 1
+                for observer in observers:
+                    observer.add_estimate(estimate)
                 if isinstance(estimate, GroundPlane):
                     grounds.append(estimate)
                 if lines is not None:

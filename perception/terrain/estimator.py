@@ -14,7 +14,7 @@ from perception.terrain.kinds import FROM_M, kind_of
 from perception.terrain.memory import EdgeMemory
 from perception.terrain.path_points import PathSettings, find_points
 from perception.terrain.profile import profile_of, roughness_m
-from perception.terrain.surfaces import Surface, find_surfaces
+from perception.terrain.surfaces import PathSurfaces, Surface, find_surfaces
 
 
 class TerrainEstimator:
@@ -42,6 +42,8 @@ class TerrainEstimator:
         self._height_m = nominal_height_m
         self._side = side
         self._rough_m = 0.0
+        self.surfaces = PathSurfaces((), 0.0)
+        """Those that the newest estimate was made of."""
 
     def estimate(
         self,
@@ -79,6 +81,7 @@ class TerrainEstimator:
         profile = profile_of(points, yaw_rad, 2.0 * self._path.half_width_m)
         self._follow_roughness(roughness_m(points, profile, yaw_rad))
         surfaces = find_surfaces(profile)
+        self.surfaces = PathSurfaces(surfaces, yaw_rad)
         found = find_edges(surfaces, points, yaw_rad)
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
         edges = self._memory.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, found, surfaces)

@@ -9,6 +9,7 @@ F(n) is the least cost of all (optimal partitioning); a single bin may be left o
 differences of cumulative ones.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,23 @@ class Surface:
     def sd_at(self, u_m: float) -> float:
         """Return one σ of z there."""
         return float(np.hypot(self.height_sd_m, self.slope_sd * (u_m - self.middle_m)))
+
+
+@dataclass(frozen=True)
+class PathSurfaces:
+    """The surfaces of one frame's path, in their order along u = x + y tan(`yaw_rad`) of H."""
+
+    surfaces: Sequence[Surface]
+    yaw_rad: float
+
+    def nearest(self, u_m: float) -> Surface | None:
+        """Return the surface at `u_m`, or else the nearest one; None where there is none."""
+        return min(self.surfaces, key=lambda s: max(s.from_m - u_m, u_m - s.to_m), default=None)
+
+    def points_H(self, surface: Surface, u_m: FloatArray, y_m: FloatArray) -> FloatArray:
+        """Return points (n, 3) in H on a surface, or beyond its ends, at u (n,) and y (n,)."""
+        z_m = surface.height_m + surface.slope * (u_m - surface.middle_m)
+        return np.column_stack((u_m - y_m * np.tan(self.yaw_rad), y_m, z_m))
 
 
 def find_surfaces(profile: Profile) -> list[Surface]:
