@@ -23,6 +23,7 @@ from sim_rig.imu.mpu6050_chip import Mpu6050Chip
 from sim_rig.imu.simulated_clock import SimulatedClock
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit, draw_unit
 from sim_rig.walk.footholds import Footholds
+from sim_rig.walk.obstacle_truth import ObstacleTruth
 from sim_rig.walk.scenario import Scenario
 from sim_rig.walk.terrain_truth import SurfaceTruth, TerrainTruth, TerrainTruthSource
 from sim_rig.walk.things import Walker
@@ -146,6 +147,10 @@ class SimulatedWearer:
     def terrain(self, t_exposure_ns: int) -> TerrainTruth:
         """Return the truth about the ground ahead of the frame whose header says `t_exposure_ns`."""
         return self._terrain_truth().at(self.shutter.true_of(t_exposure_ns), t_exposure_ns)
+
+    def obstacles(self, t_exposure_ns: int, half_width_m: float = 0.25) -> list[ObstacleTruth]:
+        """Return the things on the path of the frame whose header says `t_exposure_ns`, by distance."""
+        return self._terrain_truth().obstacles_at(self.shutter.true_of(t_exposure_ns), half_width_m)
 
     def surface(self, t_exposure_ns: int, ahead_m: float, left_m: float) -> SurfaceTruth:
         """Return the ground under a point of that frame's H."""

@@ -17,6 +17,7 @@ from perception.ground.block_errors import blocks
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane, PlaneFit, PlaneFitter
 from perception.ground.relief import relief_cov
+from perception.ground.things import is_ground
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,12 @@ class GroundMeter:
         if fit.plane.steepness_rad > self._fitter.steepest_rad:
             return GroundMeasurement(Reason.TOO_STEEP, matched_share)
         misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
+        ground = is_ground(points_H, fit.plane.rise_m(points_H), np.abs(misfit_px) < 3.0 * fit.noise_px, region)
+        if not ground.all():
+            rays_H, disparity_px, points_H = rays_H[ground], disparity_px[ground], points_H[ground]
+            block = block[ground]
+            fit = self._fitter.refined(rays_H, disparity_px, region.weights(points_H), fit.plane, block) or fit
+            misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
         lasting = self._residual_cov(fit.plane, R_HC, focal_difference)
         lasting += relief_cov(fit, points_H, disparity_px, misfit_px, block, region, self.locking_px)
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)

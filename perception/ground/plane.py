@@ -92,6 +92,12 @@ class PlaneFitter:
         block = np.arange(len(weight)) if block is None else block
         return None if theta is None else self._refine(rays, disparity_px, weight, theta, block)
 
+    def refined(
+        self, rays: FloatArray, disparity_px: FloatArray, weight: FloatArray, plane: Plane, block: IntArray
+    ) -> PlaneFit | None:
+        """Return the plane near `plane` that these pixels support, all as for `fit`; None where too few do."""
+        return self._refine(rays, disparity_px, weight, plane.theta(self.fB_px_m), block)
+
     def _consensus(
         self, rays: FloatArray, disparity_px: FloatArray, weight: FloatArray, expected: Plane | None
     ) -> FloatArray | None:

@@ -4,7 +4,18 @@ import math
 
 import numpy as np
 
-from messages import Frame, NextFoothold, Reason, Side, Status, Terrain, TerrainEdge, UnitCalibration, Vec3
+from messages import (
+    Frame,
+    NextFoothold,
+    Reason,
+    Side,
+    Status,
+    Terrain,
+    TerrainEdge,
+    TerrainObstacle,
+    UnitCalibration,
+    Vec3,
+)
 from messages.arrays import FloatArray
 from perception import so3
 from perception.depth.disparity import DisparityCamera
@@ -12,6 +23,8 @@ from perception.heading import heading
 from perception.terrain.edges import Edge, find_edges
 from perception.terrain.kinds import FROM_M, kind_of
 from perception.terrain.memory import EdgeMemory
+from perception.terrain.obstacle_memory import ObstacleMemory
+from perception.terrain.obstacles import Obstacle, find_obstacles
 from perception.terrain.path_points import PathSettings, find_points
 from perception.terrain.profile import profile_of, roughness_m
 from perception.terrain.surfaces import PathSurfaces, Surface, find_surfaces
@@ -39,6 +52,7 @@ class TerrainEstimator:
         self._p_BC_m = np.array(calibration.X_BE.p_m)
         self._path = path or PathSettings()
         self._memory = EdgeMemory()
+        self._obstacles = ObstacleMemory(self._path.half_width_m)
         self._height_m = nominal_height_m
         self._side = side
         self._rough_m = 0.0
@@ -79,12 +93,14 @@ class TerrainEstimator:
         heading_rad = math.atan2(R_WH[1, 0], R_WH[0, 0])
         yaw_rad = self._memory.expected_yaw_rad(heading_rad)
         profile = profile_of(points, yaw_rad, 2.0 * self._path.half_width_m)
-        self._follow_roughness(roughness_m(points, profile, yaw_rad))
         surfaces = find_surfaces(profile)
         self.surfaces = PathSurfaces(surfaces, yaw_rad)
+        things, on_thing = find_obstacles(points, self.surfaces, self._rough_m, self._path.half_width_m)
+        self._follow_roughness(roughness_m(points.where(~on_thing), profile, yaw_rad))
         found = find_edges(surfaces, points, yaw_rad)
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
         edges = self._memory.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, found, surfaces)
+        obstacles = self._obstacles.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, things)
         self._follow_height(surfaces)
         if not surfaces:
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.LOW_TEXTURE)
@@ -97,7 +113,7 @@ class TerrainEstimator:
             kind=kind,
             probability=probability,
             edges=tuple(_told(edge, 1.0 + distance_scale) for edge in edges),
-            obstacles=(),
+            obstacles=tuple(_obstacle(each, 1.0 + distance_scale) for each in obstacles),
             foothold=NextFoothold.unknown(self._side),
             calibration_id=self._calibration_id,
         )
@@ -132,6 +148,14 @@ def _told(edge: Edge, too_long: float) -> TerrainEdge:
         rise_sd_m=edge.rise_sd_m,
         bound_only=edge.bound_only,
         yaw_rad=edge.yaw_rad,
+    )
+
+
+def _obstacle(obstacle: Obstacle, too_long: float) -> TerrainObstacle:
+    return TerrainObstacle(
+        distance_m=obstacle.distance_m / too_long,
+        left_m=obstacle.left_m / too_long,
+        height_m=obstacle.height_m / too_long,
     )
 
 

@@ -13,7 +13,9 @@ from sim_rig.walk.own_legs import OwnLegs
 from sim_rig.walk.passers_by import PassersBy
 from sim_rig.walk.relief import Relief
 from sim_rig.walk.ride import Push, Ride
+from sim_rig.walk.standing_things import POSTS, SHOES
 from sim_rig.walk.things import BAG, TRAY, TROLLEY, Thing
+from sim_rig.walk.walker_ahead import WalkerAhead
 from sim_rig.walk.walking_aids import Rollator, WhiteCane
 from sim_rig.walk.world import World, WorldBuilder
 
@@ -331,6 +333,9 @@ _MAKERS: dict[str, Callable[[Pace], Scenario]] = {
     "white-cane": _among("white-cane", "a white cane that sweeps the ground", (WhiteCane(),)),
     "own-legs": _among("own-legs", "the wearer's own legs", (OwnLegs(),)),
     "passers-by": _among("passers-by", "people who cross 1.2 to 2.6 m ahead", (PassersBy(),)),
+    "walker-ahead": _among("walker-ahead", "a person who walks 1.5 m ahead", (WalkerAhead(1.5, 0.1),)),
+    "posts": _among("posts", "posts that stand beside the middle of the way", (POSTS,)),
+    "shoes": _among("shoes", "pairs of shoes that stand beside the middle of the way", (SHOES,)),
     "mosaic-6cm": _mosaic("mosaic-6cm", "square tiles of 6 cm, all alike"),
     "mosaic-2.5cm": _mosaic("mosaic-2.5cm", "square tiles of 2.5 cm, all alike"),
     "mosaic-6cm-varied": _mosaic("mosaic-6cm-varied", "square tiles of 6 cm, their print slightly different"),

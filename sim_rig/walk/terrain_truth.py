@@ -17,6 +17,7 @@ from messages import Lens, Pose
 from messages.arrays import BoolArray, FloatArray, IntArray
 from perception.depth.rectify import intrinsics
 from sim_rig.walk.footholds import Foothold, Footholds
+from sim_rig.walk.obstacle_truth import ObstacleTruth, obstacle_of
 from sim_rig.walk.own_legs import TOE_AHEAD_M, gone_of, swing_s
 from sim_rig.walk.scenario import Scenario
 from sim_rig.walk.things import Walker
@@ -121,6 +122,19 @@ class TerrainTruthSource:
             x_W_m=float(eye.o_W[0]),
             way_m=float(eye.ahead[0]),
         )
+
+    def obstacles_at(self, t_ns: int, half_width_m: float) -> list[ObstacleTruth]:
+        """Return the things on a path of `half_width_m` to either side at the true instant `t_ns`, by distance."""
+        eye, at_ns = self._eye(t_ns), np.array([t_ns])
+        motion = self._walker.gait.at(at_ns)
+        found = [
+            obstacle
+            for thing in self._scenario.things
+            for obstacle in obstacle_of(
+                thing, thing.placed(self._walker, at_ns, motion), eye.o_W, eye.ahead, half_width_m, self._world
+            )
+        ]
+        return sorted((o for o in found if -FARTHEST_M < o.distance_m < FARTHEST_M), key=lambda o: o.distance_m)
 
     def surface_at(self, t_ns: int, ahead_m: float, left_m: float) -> SurfaceTruth:
         """Return the ground under a point of H at the true instant `t_ns`."""
