@@ -70,6 +70,14 @@ class DepthCamera:
             row_time_s=self._row_time_s[seen],
         )
 
+    def blind_share(
+        self,
+        images: Sequence[Image],  # noqa: ARG002 - see DisparityCamera
+        points_C: FloatArray,  # noqa: ARG002
+    ) -> float:
+        """Return 0: a depth image does not tell how bright it was."""
+        return 0.0
+
     def find_repeats(
         self,
         images: Sequence[Image],  # noqa: ARG002 - see DisparityCamera

@@ -109,6 +109,9 @@ class DisparityCamera(Protocol):
         What is nearer than can be measured is not found.
         """
 
+    def blind_share(self, images: Sequence[Image], points_C: FloatArray) -> float:
+        """Return of what part of the picture about `points_C` (N, 3), before the camera, is white or black."""
+
     def find_repeats(self, images: Sequence[Image], points_C: FloatArray, theta_C: FloatArray) -> Repeats:
         """Return the planes that match as well as d = r · `theta_C` (3,), px, because the ground there repeats itself.
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import cast
 
+import cv2
 import numpy as np
 
 from messages import Image, StereoCalibration
@@ -10,7 +11,7 @@ from messages.arrays import FloatArray, GreyImage
 from perception.depth.disparity import DisparityPatch, OutOfRangeError, View
 from perception.depth.eye_shifts import EyeShifts, find_shifts
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
-from perception.depth.rectify import Rectifier, Window
+from perception.depth.rectify import Rectifier, Window, intrinsics
 from perception.depth.repeats import Repeats, find_repeats
 
 
@@ -22,6 +23,7 @@ class StereoCamera:
 
     def __init__(self, stereo: StereoCalibration) -> None:
         self.rectifier = Rectifier(stereo, max(1, round(stereo.left.width_px / self.matching_width_px)))
+        self._lens = stereo.left
         self._matcher = SemiGlobalMatcher(self.rectifier)
         self._wide_matcher = SemiGlobalMatcher(self.rectifier, speckle_px=_SPECKLE_PX)
         self.image_sizes_px = (self.rectifier.raw_size_px,) * 2
@@ -64,6 +66,19 @@ class StereoCamera:
             row_time_s=self.rectifier.row_time_s[window.rows, window.columns],
         )
 
+    def blind_share(self, images: Sequence[Image], points_C: FloatArray) -> float:
+        """Return the white or black part about `points_C` of that eye in which it is larger (see DisparityCamera)."""
+        points_E = points_C @ self.R_EC.T
+        rays = points_E / np.maximum(points_E[:, 2:], _LEAST_DEPTH_M)
+        lens = self._lens
+        pixels = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), intrinsics(lens), np.array(lens.distortion))[0]
+        u, v = pixels.reshape(-1, 2).astype(np.float64).T
+        window = Window.cut(u, v, lens.width_px, lens.height_px)
+        if window is None:
+            return 0.0
+        parts = [image[window.rows, window.columns] for image in images]
+        return max(float(np.mean((part <= _BLACK) | (part >= _WHITE))) for part in parts)
+
     def find_repeats(self, images: Sequence[Image], points_C: FloatArray, theta_C: FloatArray) -> Repeats:
         """Return the rivals of the plane d = r · `theta_C` where `points_C` are shown (see DisparityCamera)."""
         return find_repeats(self.rectifier, images, points_C, theta_C)
@@ -105,4 +120,6 @@ def view_of(points_C: FloatArray, rectifier: Rectifier) -> tuple[Window, Dispari
 
 _MOST_DISPARITIES = 160
 _MARGIN_PX = 3
+_BLACK, _WHITE = 2, 254
+_LEAST_DEPTH_M = 0.05
 _SPECKLE_PX = 200  # where the search is wide, as over a flight of stairs, larger patches match by chance

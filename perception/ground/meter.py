@@ -17,6 +17,7 @@ from perception.ground.block_errors import blocks
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane, PlaneFit, PlaneFitter
 from perception.ground.relief import relief_cov
+from perception.ground.rough import rough_plane
 from perception.ground.things import is_ground
 
 
@@ -40,6 +41,10 @@ class GroundMeter:
 
     least_matched_share = 0.30
     least_inlier_share = 0.30
+    most_blind_share = 0.4
+    even_share = 0.75
+    even_noise_px = 0.3
+    """Where a plane has fewer inliers, or more noise, rough ground may explain the region better."""
     most_pixels = 5000
     locking_px = 0.07
     """What interpolation between whole disparities leaves as a common offset (pixel locking), one σ: 14 units of the
@@ -94,13 +99,18 @@ class GroundMeter:
         points_H = rays_H * (fB_px_m / disparity_px)[..., None]
         inside = region.contains(points_H) & (np.abs(predicted.rise_m(points_H)) < margin_m)
         if matched_share < self.least_matched_share or np.count_nonzero(inside) < _LEAST_PIXELS:
-            return GroundMeasurement(Reason.LOW_TEXTURE, matched_share)
+            return GroundMeasurement(self._unseen(Reason.LOW_TEXTURE, images, points_C), matched_share)
 
         block = blocks(disparity_px.shape, stride)[inside]
         rays_H, disparity_px, points_H = rays_H[inside], disparity_px[inside], points_H[inside]
         fit = self._fitter.fit(rays_H, disparity_px, region.weights(points_H), block=block, expected=expected)
+        if fit is None or fit.inlier_share < self.even_share or fit.noise_px > self.even_noise_px:
+            rough = rough_plane(points_H, disparity_px / np.abs(points_H[:, 2]), region)
+            if rough is not None:
+                lasting = self._residual_cov(rough.plane, R_HC, focal_difference)
+                return GroundMeasurement(Reason.NONE, matched_share, rough, lasting, patch)
         if fit is None or fit.noise_px >= self._fitter.most_noise_px or fit.inlier_share < self.least_inlier_share:
-            return GroundMeasurement(Reason.NOT_PLANAR, matched_share)
+            return GroundMeasurement(self._unseen(Reason.NOT_PLANAR, images, points_C), matched_share)
         if fit.plane.steepness_rad > self._fitter.steepest_rad:
             return GroundMeasurement(Reason.TOO_STEEP, matched_share)
         misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
@@ -113,6 +123,11 @@ class GroundMeter:
         lasting = self._residual_cov(fit.plane, R_HC, focal_difference)
         lasting += relief_cov(fit, points_H, disparity_px, misfit_px, block, region, self.locking_px)
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)
+
+    def _unseen(self, reason: Reason, images: Sequence[Image], points_C: FloatArray) -> Reason:
+        """Return why there is no plane about `points_C` (N, 3): `reason`, unless it is that nothing can be seen."""
+        blind = self.camera.blind_share(images, points_C) > self.most_blind_share
+        return Reason.OVER_EXPOSED if blind else reason
 
     def find_repeats(
         self, images: Sequence[Image], R_HC: FloatArray, region: FootholdSettings, plane: Plane

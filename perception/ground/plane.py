@@ -48,13 +48,14 @@ class PlaneFit:
     """A fitted plane with the covariance (3, 3) of its (a, b, h).
 
     `noise_px` is the robust standard deviation of the inliers' disparities, `inlier_share` the weighted share of
-    the matched pixels within three of them.
+    the matched pixels within three of them. `rough_m` is the size of bumps that the plane goes through, one σ.
     """
 
     plane: Plane
     covariance: FloatArray
     noise_px: float
     inlier_share: float
+    rough_m: float = 0.0
 
 
 @dataclass(frozen=True)

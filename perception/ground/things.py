@@ -8,7 +8,8 @@ at all depths below the ground: what is low, fills no side and has no height of 
 
 import numpy as np
 
-from messages.arrays import BoolArray, FloatArray, IntArray
+from messages.arrays import BoolArray, FloatArray
+from perception.ground.cells import CELL_M, RegionCells
 from perception.ground.foothold import FootholdSettings
 
 
@@ -23,41 +24,14 @@ def is_ground(points_H: FloatArray, rise_m: FloatArray, inlier: BoolArray, regio
     off = [~inlier & (rise_m > far_m), ~inlier & (rise_m < -far_m)]
     if not (off[0].any() or off[1].any()):
         return np.ones(len(rise_m), np.bool_)
-    cells = _Cells(points_H, region)
+    cells = RegionCells(points_H, region)
     things = [each for each in off if each.any() and not _is_surface(cells, each, rise_m, 2.0 * region.half_width_m)]
     ground: BoolArray = ~cells.beside(things) if things else np.ones(len(rise_m), np.bool_)
     weight = region.weights(points_H)
     return ground if weight[ground].sum() > _LEAST_GROUND * weight.sum() else np.ones(len(rise_m), np.bool_)
 
 
-class _Cells:
-    """The region's cells: `place` (N,) of each point, `centres` (cells, 2) from the middle of the region."""
-
-    def __init__(self, points_H: FloatArray, region: FootholdSettings) -> None:
-        half_m = np.array([region.half_length_m, region.half_width_m])
-        self._shape = np.ceil(2.0 * half_m / _CELL_M).astype(np.intp)
-        from_corner = points_H[:, :2] - (region.ahead_m, 0.0) + half_m
-        row, column = np.clip((from_corner / _CELL_M).astype(np.intp), 0, self._shape - 1).T
-        self.place: IntArray = row * self._shape[1] + column
-        middles = [(np.arange(n) + 0.5) * _CELL_M - half for n, half in zip(self._shape, half_m, strict=True)]
-        self.centres: FloatArray = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 2)
-
-    def count(self, some: BoolArray) -> IntArray:
-        """Return how many of these points (N,) each cell holds."""
-        return np.bincount(self.place[some], minlength=len(self.centres))
-
-    def beside(self, things: list[BoolArray]) -> BoolArray:
-        """Return which points (N,) are on `things`, or in a cell that is mostly things, or next to one."""
-        on_thing = np.logical_or.reduce(things)
-        filled = (self.count(on_thing) > self.count(~on_thing)).reshape(self._shape)
-        wide = np.pad(filled, 1)
-        rows, columns = self._shape
-        near = np.logical_or.reduce([wide[i : i + rows, k : k + columns] for i in range(3) for k in range(3)])
-        beside: BoolArray = on_thing | near.ravel()[self.place]
-        return beside
-
-
-def _is_surface(cells: _Cells, off: BoolArray, rise_m: FloatArray, width_m: float) -> bool:
+def _is_surface(cells: RegionCells, off: BoolArray, rise_m: FloatArray, width_m: float) -> bool:
     """Return whether the points that are `off` (N,) the plane are another surface, beyond an edge.
 
     Beyond some line nearly all cells hold such points, few such lie before it,
@@ -73,7 +47,7 @@ def _is_surface(cells: _Cells, off: BoolArray, rise_m: FloatArray, width_m: floa
     order = np.argsort(-centres @ _DIRECTIONS, axis=0)
     fills, grounds = np.cumsum(filled[order], axis=0), np.cumsum(ground[order], axis=0)
     one_sided = (fills >= _MOST_OF_IT * fills[-1]) & (grounds <= _GROUND_BEYOND * (fills + grounds))
-    spans_m = np.ptp(centres[filled] @ _ACROSS, axis=0) + _CELL_M
+    spans_m = np.ptp(centres[filled] @ _ACROSS, axis=0) + CELL_M
     return bool((one_sided.any(axis=0) & (spans_m > _MOST_OF_IT * width_m)).any())
 
 
@@ -87,7 +61,6 @@ def _scatter_m(at_m: FloatArray, height_m: FloatArray) -> float:
 LEAST_RISE_M = 0.025
 _OVER_ROUGH = 4.0
 _SCATTERED_M = 0.02
-_CELL_M = 0.04
 _MOST_OF_IT = 0.6
 _GROUND_BEYOND = 0.2
 _LEAST_CELLS = 4

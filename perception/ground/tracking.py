@@ -39,13 +39,15 @@ class TrackingSettings:
 class _Track:
     """(∂z/∂x, ∂z/∂y in W; height of the camera above the plane's intercept) at one time, with its covariance (3, 3).
 
-    `attitude_cov_W` (2, 2) is what the attitude's covariance meant for the gradient then.
+    `attitude_cov_W` (2, 2) is what the attitude's covariance meant for the gradient then. The plane of `rough` ground
+    is another one a step ahead: it is checked against the track and not averaged.
     """
 
     t_ns: int
     state: FloatArray
     cov: FloatArray
     attitude_cov_W: FloatArray
+    rough: bool = False
 
 
 class PlaneTracker:
@@ -82,7 +84,7 @@ class PlaneTracker:
         turn = _turn(R_WH)
         jitter = self._settings.attitude_jitter_rad**2
         seen_cov = turn @ fit.covariance @ turn.T + np.diag([jitter, jitter, 0.0])
-        seen = _Track(t_ns, turn @ fit.plane.abh, seen_cov, attitude_cov_W)
+        seen = _Track(t_ns, turn @ fit.plane.abh, seen_cov, attitude_cov_W, rough=fit.rough_m > 0.0)
         track = self._joined(self._track, seen, self._settings.longest_gap_s)
         if track is None:
             candidate = self._joined(self._candidate, seen, self._settings.confirmed_within_s)
@@ -103,6 +105,8 @@ class PlaneTracker:
         innovation, innovation_cov = seen.state - before.state, prior + seen.cov
         if innovation @ np.linalg.solve(innovation_cov, innovation) > self._settings.gate:
             return None
+        if seen.rough:
+            return seen
         gain = np.linalg.solve(innovation_cov, prior).T
         return _Track(seen.t_ns, before.state + gain @ innovation, (np.eye(3) - gain) @ prior, seen.attitude_cov_W)
 

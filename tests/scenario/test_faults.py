@@ -23,7 +23,7 @@ from messages import Reason
 
 pytestmark = [pytest.mark.realtime, pytest.mark.long]
 
-FLAGS = {"imu-nak-eio": Reason.NO_IMU, "cam-frozen": Reason.FROZEN_FRAME, "cam-both-black": Reason.LOW_TEXTURE}
+FLAGS = {"imu-nak-eio": Reason.NO_IMU, "cam-frozen": Reason.FROZEN_FRAME, "cam-both-black": Reason.OVER_EXPOSED}
 NAMES = (*FLAGS, "can-ankle-corrupted", "zenoh-port-taken", "file-configuration-broken")
 
 
@@ -89,7 +89,7 @@ def test_a_fault_may_be_there_before_the_start(tmp_path: Path) -> None:
     with closing(DaemonUnderTest(1, tmp_path)) as daemon:
         daemon.start(msgspec.structs.replace(daemon.plan, from_start=("cam-both-black",)))
         grounds = daemon.listener.grounds
-        assert daemon.listen(60.0, lambda: any(h.ground.reason is Reason.LOW_TEXTURE for h in grounds))
+        assert daemon.listen(60.0, lambda: any(h.ground.reason is Reason.OVER_EXPOSED for h in grounds))
         assert not any(h.valid for h in grounds)
 
 

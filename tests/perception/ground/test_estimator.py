@@ -188,8 +188,8 @@ def test_an_uncertain_attitude_makes_the_slope_about_its_axis_uncertain() -> Non
 @pytest.mark.parametrize(
     ("spoilt", "reason"),
     [
-        (lambda image: image // 100, Reason.LOW_TEXTURE),
-        (lambda image: np.maximum(image, 255), Reason.LOW_TEXTURE),
+        (lambda image: image // 100, Reason.OVER_EXPOSED),
+        (lambda image: np.maximum(image, 255), Reason.OVER_EXPOSED),
         (lambda image: np.full_like(image, 120) + image % 3, Reason.LOW_TEXTURE),
     ],
     ids=["a hundredth of the light", "white", "only noise"],

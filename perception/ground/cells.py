@@ -1,0 +1,35 @@
+"""The foothold region cut into cells, so that ground counts by its area and not by its pixels."""
+
+import numpy as np
+
+from messages.arrays import BoolArray, FloatArray, IntArray
+from perception.ground.foothold import FootholdSettings
+
+CELL_M = 0.04
+
+
+class RegionCells:
+    """The region's cells: `place` (N,) of each point, `centres` (cells, 2) from the middle of the region."""
+
+    def __init__(self, points_H: FloatArray, region: FootholdSettings) -> None:
+        half_m = np.array([region.half_length_m, region.half_width_m])
+        self._shape = np.ceil(2.0 * half_m / CELL_M).astype(np.intp)
+        from_corner = points_H[:, :2] - (region.ahead_m, 0.0) + half_m
+        row, column = np.clip((from_corner / CELL_M).astype(np.intp), 0, self._shape - 1).T
+        self.place: IntArray = row * self._shape[1] + column
+        middles = [(np.arange(n) + 0.5) * CELL_M - half for n, half in zip(self._shape, half_m, strict=True)]
+        self.centres: FloatArray = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 2)
+
+    def count(self, some: BoolArray) -> IntArray:
+        """Return how many of these points (N,) each cell holds."""
+        return np.bincount(self.place[some], minlength=len(self.centres))
+
+    def beside(self, things: list[BoolArray]) -> BoolArray:
+        """Return which points (N,) are on `things`, or in a cell that is mostly things, or next to one."""
+        on_thing = np.logical_or.reduce(things)
+        filled = (self.count(on_thing) > self.count(~on_thing)).reshape(self._shape)
+        wide = np.pad(filled, 1)
+        rows, columns = self._shape
+        near = np.logical_or.reduce([wide[i : i + rows, k : k + columns] for i in range(3) for k in range(3)])
+        beside: BoolArray = on_thing | near.ravel()[self.place]
+        return beside

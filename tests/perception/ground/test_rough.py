@@ -1,0 +1,65 @@
+"""Rough ground has a plane with its bumps as uncertainty; steps, flights, smooth ground and clutter are none."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from messages.arrays import FloatArray
+from perception.ground.foothold import FootholdSettings
+from perception.ground.plane import PlaneFit
+from perception.ground.rough import rough_plane
+
+REGION = FootholdSettings()
+X, Y = (grid.ravel() for grid in np.meshgrid(np.arange(0.405, 1.0, 0.01), np.arange(-0.295, 0.3, 0.01)))
+
+
+def plane_of(z_m: FloatArray, *, noise_m: float = 0.002) -> PlaneFit | None:
+    z_m = z_m + np.random.default_rng(1).normal(0.0, noise_m, z_m.shape) - 0.95
+    return rough_plane(np.column_stack((X, Y, z_m)), np.full(len(X), 40.0), REGION)
+
+
+def bumps(rms_m: float, phase: float = 0.3) -> FloatArray:
+    shape = np.sin(20.0 * X + phase) * np.cos(18.0 * Y - phase)
+    sized: FloatArray = rms_m * shape / float(shape.std())
+    return sized
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(
+    rms_m=st.floats(0.012, 0.05),
+    phase=st.floats(0.0, 3.0),
+    a=st.floats(-0.15, 0.15),
+    b=st.floats(-0.15, 0.15),
+)
+def test_the_plane_through_bumps_is_that_of_least_squares_and_as_uncertain_as_they_are_high(
+    rms_m: float, phase: float, a: float, b: float
+) -> None:
+    z = bumps(rms_m, phase) + a * X + b * Y
+    fit = plane_of(z)
+    assert fit is not None
+    design = np.column_stack((X, Y, np.ones_like(X)))
+    wanted = np.linalg.lstsq(design, z)[0]
+    np.testing.assert_allclose((*fit.plane.gradient, 0.95 - fit.plane.height_m), wanted, atol=0.01)
+    assert fit.rough_m == pytest.approx(np.std(z - design @ wanted), rel=0.15)
+    middle = np.array([-0.7, 0.0, 1.0])  # of the height of the region's middle
+    assert np.sqrt(middle @ fit.covariance @ middle) == pytest.approx(fit.rough_m, rel=0.2)
+    assert np.linalg.eigvalsh(fit.covariance).min() > 0.0
+
+
+def test_smooth_ground_is_not_rough() -> None:
+    assert plane_of(0.05 * X) is None
+
+
+@pytest.mark.parametrize("yaw_deg", [0.0, 17.0, -33.0, 90.0])
+@pytest.mark.parametrize(("rise_m", "tread_m"), [(0.06, 1.0), (0.17, 1.0), (-0.12, 1.0), (0.17, 0.28), (-0.2, 0.3)])
+def test_steps_and_flights_are_not_rough(rise_m: float, tread_m: float, yaw_deg: float) -> None:
+    yaw = np.radians(yaw_deg)
+    along = (X - 0.7) * np.cos(yaw) + Y * np.sin(yaw)
+    assert plane_of(rise_m * np.floor(along / tread_m + 0.02)) is None
+
+
+def test_clutter_and_what_is_hardly_seen_are_not_rough() -> None:
+    assert plane_of(np.zeros_like(X), noise_m=0.05) is None
+    points = np.column_stack((X, Y, bumps(0.03) - 0.95))[X < 0.62]
+    assert rough_plane(points, np.full(len(points), 40.0), REGION) is None
