@@ -1,14 +1,14 @@
-"""Things that are no ground: what do they take from the ground's height, and which of them are told as obstacles?
+"""Things that are no ground, and rough ground: what do they take from its height, and which are told as obstacles?
 
     python -m benchmarks.not_ground [--cases posts shoes …] [--seeds 1-3] [--seconds 8] [--file F]
 
 The whole pipeline, faster than real time, on units of the rig with the calibration that they would have, each walking
-over the same level ground without anything (`level`) and with one kind of thing. A thing that stands on the path is
-found if it is told before it is `FOUND_BEFORE_M` away, within `MATCH_M` of where it is. A told obstacle farther than
-`FALSE_FROM_M` is false where nothing that the wearer does not carry or push is within `FALSE_M` of it; false ones in a
-row of frames count once. Distances are compared in all frames in which a standing thing within `COMPARED_M` is told,
-heights of those whose top is in view. One line of JSON is added to F for each finished walk; walks whose line is there
-are not walked again. Seeds below 1000 are for tuning, from 1000 on for judging.
+over the same level ground without anything (`level`), with one kind of thing, or with bumps. A thing that stands on the
+path is found if it is told before it is `FOUND_BEFORE_M` away, within `MATCH_M` of where it is. A told obstacle farther
+than `FALSE_FROM_M` is false where nothing that the wearer does not carry or push is within `FALSE_M` of it; false ones
+in a row of frames count once. Distances are compared in all frames in which a standing thing within `COMPARED_M` is
+told, heights of those whose top is in view. One line of JSON is added to F for each finished walk; walks whose line is
+there are not walked again. Seeds below 1000 are for tuning, from 1000 on for judging.
 """
 
 import argparse
@@ -29,7 +29,9 @@ from lab.faults.criteria import errors_of
 from messages import GroundPlane, Status, Terrain, TerrainObstacle
 from perception.ground.foothold import FootholdSettings
 from sim_rig.walk.obstacle_truth import ObstacleTruth
+from sim_rig.walk.relief import Relief
 from sim_rig.walk.scenario import Pace, Scenario, over_level, scenario
+from sim_rig.walk.world import World
 from sim_rig.wearer import SimulatedWearer
 
 START_NS = 10_000_000_000
@@ -41,6 +43,7 @@ WIDE_M = 0.45
 """What stands just beside the path is no false obstacle."""
 COMPARED_M = (0.5, 1.5)
 TOP_IN_VIEW_M = 0.30
+ROUGH_RMS_M = {"rough-3cm": 0.03, "rough-5cm": 0.05}
 CASES = (
     "level",
     "own-legs",
@@ -52,6 +55,7 @@ CASES = (
     "rollator",
     "white-cane",
     "bag",
+    *ROUGH_RMS_M,
 )
 
 
@@ -95,7 +99,12 @@ def walked(task: tuple[str, int], seconds: float) -> Walked:
 
 
 def _walk(case: str) -> Scenario:
-    return replace(over_level(Pace(), "level", "nothing on it"), name=case) if case == "level" else scenario(case)
+    bare = over_level(Pace(), case, "nothing on it")
+    if case == "level":
+        return bare
+    if case in ROUGH_RMS_M:
+        return replace(bare, world=World(bare.world.lap, Relief.of_rms(ROUGH_RMS_M[case], _SMOOTH_M, _RELIEF)))
+    return scenario(case)
 
 
 def _judge_ground(walk: Walked, ground: GroundPlane, wearer: SimulatedWearer) -> None:
@@ -209,6 +218,7 @@ def main() -> None:
     table(walks)
 
 
+_SMOOTH_M, _RELIEF = 0.15, 7
 _APART_M = 0.3  # of places in W, farther than the truth's own blur and nearer than two things
 
 if __name__ == "__main__":
