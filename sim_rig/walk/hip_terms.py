@@ -13,16 +13,17 @@ from messages.arrays import FloatArray
 X, Y, Z, ROLL, PITCH, YAW = range(6)
 """The generalised coordinates of the hip."""
 
-# Axis, amplitude (m or °), cycles a step, phase in cycles: q = amplitude · sin(2π (cycles · φ + phase)).
+# Axis, amplitude (m or °), cycles a step, phase in cycles: q = amplitude · sin(2π (cycles · φ + phase)). At odd φ the
+# left foot lands.
 _GAIT = (
     (Z, 0.022, 1.0, -0.25),  # lowest at double support
     (Z, 0.002, 2.0, 0.10),
-    (Y, 0.020, 0.5, 0.00),  # over the standing foot at mid-stance
+    (Y, 0.020, 0.5, 0.50),  # over the standing foot at mid-stance
     (X, 0.012, 1.0, 0.05),
     (PITCH, 2.4, 1.0, 0.15),
     (PITCH, 0.3, 2.0, 0.40),
-    (ROLL, 3.0, 0.5, 0.03),
-    (ROLL, 0.4, 1.5, 0.20),
+    (ROLL, 3.0, 0.5, 0.53),  # down on the side that swings
+    (ROLL, 0.4, 1.5, 0.70),
     (YAW, 5.0, 0.5, 0.25),  # the leading side is ahead at heel strike
 )
 # Axis, peak (m/s² or °/s), frequency, decay time, whether left and right differ in sign.
