@@ -10,6 +10,7 @@ from daemon.health import HealthMonitor
 from messages import (
     TOPICS,
     Attitude,
+    AnkleState,
     Estimate,
     Frame,
     FrameHeader,
@@ -31,6 +32,7 @@ from messages import (
 from perception.attitude.history import AttitudeAt
 from perception.attitude.track import AttitudeTrack
 from perception.frame_guard import FrameGuard
+from perception.gait.gait import Gait
 from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
 from perception.ground.propagation import GroundPropagation
@@ -84,6 +86,7 @@ class Pipeline:
             calibration, self._ground.camera, self._ground.R_BC, foothold.nominal_height_m, foothold.side
         )
         self._propagation = GroundPropagation(calibration, self._ground.R_BC)
+        self._gait = Gait(calibration, self._ground.R_BC, foothold.side)
         self._waiting: Frame | None = None
         self._imu_arrival_ns: int | None = None
         self._newest_sample_ns: int | None = None
@@ -119,11 +122,14 @@ class Pipeline:
             yield from self._on_frame(message)
         elif isinstance(message, Tick):
             yield from self._on_tick(message.t_ns)
+        elif isinstance(message, AnkleState):
+            self._gait.add_ankle(message)
         elif isinstance(message, LoadLevel):
             self._load = message.load
         elif isinstance(message, Reconfigured):
             self._foothold = parse_configuration(message.configuration, "new configuration").foothold
             self._ground.set_foothold(self._foothold)
+            self._gait.side = self._terrain.side = self._foothold.side
 
     def _on_imu(self, sample: ImuSample) -> Iterator[Estimate]:
         if not (self._sample_guard.check(sample) and self._attitude.accepts(sample)):
@@ -190,12 +196,14 @@ class Pipeline:
         if step is not None:
             self._attitude.add_camera_step(step, sound=self._motion.reason is Reason.NONE)
         placed = self._placed(frame.header)
+        landing = None if isinstance(placed, Reason) else self._gait.add_frame(placed, self._attitude.at)
         ground = self._ground_of(frame, placed)
         yield ground
         self._propagate(ground, placed)
         yield self._motion_of(frame.header, placed)
         if not self._passes_over:
-            yield self._terrain_of(frame, placed, ground.reason)
+            terrain = self._terrain_of(frame, placed, ground)
+            yield self._gait.with_foothold(terrain, landing, ground)
             self._motion.finish_frame()
         if self._contradiction is Reason.NONE and self._attitude.is_confirmed:
             self._attitude.checkpoint()
@@ -255,12 +263,12 @@ class Pipeline:
             return self._odometry.no_motion(header.t_exposure_ns, header.seq, Reason.LOW_TEXTURE)
         return self._odometry.motion(header.t_exposure_ns, header.seq, movement)
 
-    def _terrain_of(self, frame: Frame, placed: AttitudeAt | Reason, no_ground: Reason) -> Terrain:
-        """Return the terrain; why there is `no_ground` holds for it too where the pictures are wrong."""
+    def _terrain_of(self, frame: Frame, placed: AttitudeAt | Reason, ground: GroundPlane) -> Terrain:
+        """Return the terrain; why there is no `ground` holds for it too where the pictures are wrong."""
         if not isinstance(placed, Reason) and not self._attitude.is_confirmed:
             placed = Reason.UNCONFIRMED
-        elif not isinstance(placed, Reason) and no_ground in PICTURES_WRONG:
-            placed = no_ground
+        elif not isinstance(placed, Reason) and ground.reason in PICTURES_WRONG:
+            placed = ground.reason
         if isinstance(placed, Reason):
             return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, placed)
         return self._terrain.estimate(

@@ -23,7 +23,7 @@ from messages.estimates import (
 )
 from messages.reasons import Status
 from messages.refusal import Refusal
-from messages.terrain import Terrain
+from messages.terrain import NextFoothold, Terrain
 from messages.topics import TOPIC_OF
 
 LONGEST_PAYLOAD_BYTES = 65_536
@@ -177,13 +177,41 @@ def _is_complete(message: Estimate) -> bool:
         told = [(edge.distance_m, edge.rise_m, edge.yaw_rad) for edge in message.edges]
         told += [(thing.distance_m, thing.left_m, thing.height_m) for thing in message.obstacles]
         numbers = (message.probability, *itertools.chain.from_iterable(told))
-        foothold = msgspec.structs.astuple(message.foothold)[1:]
-        if not all(math.isnan(number) for number in foothold):
-            numbers += foothold
-            covariances += tuple((deviation, 0.0, 0.0, 0.0, 0.0, 0.0) for deviation in foothold[1::2])
+        foothold = _known_of(message.foothold)
+        numbers += foothold
+        covariances += tuple((deviation, 0.0, 0.0, 0.0, 0.0, 0.0) for deviation in foothold[1::2])
     else:
         return True
     if message.status is not Status.VALID:
         return True
     is_finite = all(math.isfinite(number) for number in (*numbers, *itertools.chain(*covariances)))
     return is_finite and all(variance >= 0.0 for each in covariances for variance in (each[0], each[3], each[5]))
+
+
+def _known_of(foothold: NextFoothold) -> tuple[float, ...]:
+    """Return the numbers of a foothold that must be there, each with its deviation after it.
+
+    Place and time come together; slopes and height, together, and then the rise, may come with them.
+    """
+    place, ground, rise = (
+        tuple(getattr(foothold, name) for name in names)
+        for names in (_FOOTHOLD_PLACE, _FOOTHOLD_GROUND, _FOOTHOLD_RISE)
+    )
+    needed = 3 if _any_known(rise) else 2 if _any_known(ground) else 1 if _any_known(place) else 0
+    return tuple(itertools.chain(*(place, ground, rise)[:needed]))
+
+
+def _any_known(numbers: tuple[float, ...]) -> bool:
+    return not all(math.isnan(number) for number in numbers)
+
+
+_FOOTHOLD_PLACE = ("ahead_m", "ahead_sd_m", "left_m", "left_sd_m", "time_to_contact_s", "time_to_contact_sd_s")
+_FOOTHOLD_GROUND = (
+    "slope_sagittal_rad",
+    "slope_sagittal_sd_rad",
+    "slope_frontal_rad",
+    "slope_frontal_sd_rad",
+    "height_m",
+    "height_sd_m",
+)
+_FOOTHOLD_RISE = ("rise_m", "rise_sd_m")

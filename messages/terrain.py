@@ -61,7 +61,8 @@ class NextFoothold(msgspec.Struct, frozen=True, kw_only=True):
 
     `ahead_m` and `left_m` are x and y of the middle of the foot in H; slopes and `height_m` mean what they do in
     `GroundPlane`; `rise_m` is the ground there relative to that below the stance foot, > 0 up; `time_to_contact_s`
-    runs from the exposure. Every number has its deviation. Where the next step is not known every number is NaN.
+    runs from the exposure. Every number has its deviation. Where the next step is not known every number is NaN; where
+    the ground there is not known, slopes, height and rise are; where that below the stance foot is not, the rise is.
     """
 
     side: Side

@@ -54,7 +54,7 @@ class TerrainEstimator:
         self._memory = EdgeMemory()
         self._obstacles = ObstacleMemory(self._path.half_width_m)
         self._height_m = nominal_height_m
-        self._side = side
+        self.side = side
         self._rough_m = 0.0
         self.surfaces = PathSurfaces((), 0.0)
         """Those that the newest estimate was made of."""
@@ -114,7 +114,7 @@ class TerrainEstimator:
             probability=probability,
             edges=tuple(_told(edge, 1.0 + distance_scale) for edge in edges),
             obstacles=tuple(_obstacle(each, 1.0 + distance_scale) for each in obstacles),
-            foothold=NextFoothold.unknown(self._side),
+            foothold=NextFoothold.unknown(self.side),
             calibration_id=self._calibration_id,
         )
 
@@ -124,7 +124,7 @@ class TerrainEstimator:
             t_exposure_ns=t_exposure_ns,
             frame_seq=frame_seq,
             reason=reason,
-            side=self._side,
+            side=self.side,
             calibration_id=self._calibration_id,
         )
 

@@ -268,6 +268,25 @@ def test_a_valid_terrain_whose_foothold_lacks_a_number_is_refused(missing: dict[
     assert listening.feed(data, t_ns, t_ns) is Refusal.NOT_AVAILABLE
 
 
+@pytest.mark.parametrize(
+    "unknown",
+    [
+        ("rise_m", "rise_sd_m"),
+        tuple(
+            f"{name}{sd}_{unit}"
+            for name, unit in (("slope_sagittal", "rad"), ("slope_frontal", "rad"), ("height", "m"), ("rise", "m"))
+            for sd in ("", "_sd")
+        ),
+    ],
+)
+def test_a_valid_terrain_may_not_know_the_ground_at_the_foothold(unknown: tuple[str, ...]) -> None:
+    listening: JsonReceiver[Terrain] = JsonReceiver(Terrain, "unit-1", boot_id=HERE)
+    sample = terrain(foothold=msgspec.structs.replace(terrain().foothold, **dict.fromkeys(unknown, NAN)))
+    data = encode_line(TOPIC_OF[Terrain], sample, stamp(boot_id=HERE))
+    t_ns = stamp().t_publish_ns
+    assert isinstance(listening.feed(data, t_ns, t_ns), Received)
+
+
 def test_a_valid_terrain_may_know_no_foothold() -> None:
     listening: JsonReceiver[Terrain] = JsonReceiver(Terrain, "unit-1", boot_id=HERE)
     data = encode_line(TOPIC_OF[Terrain], terrain(foothold=NextFoothold.unknown(Side.LEFT)), stamp(boot_id=HERE))
