@@ -132,7 +132,7 @@ def covered(
         for ground in pipeline.step(message):
             if not isinstance(ground, GroundPlane) or ground.frame_seq < 0:
                 continue
-            truth = wearer.truth(ground.t_exposure_ns)
+            truth = wearer.truth_of(ground)
             valid = ground.status is Status.VALID
             if truth.transition or not (valid or rows):
                 continue

@@ -27,7 +27,7 @@ from sim_rig.wearer import SimulatedWearer
 SEEDS = (101, 102, 103)
 FRAMES = 40
 EVERY = 12
-REGION = FootholdSettings()
+REGION = FootholdSettings().region
 
 
 class Scene(NamedTuple):

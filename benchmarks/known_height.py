@@ -192,7 +192,7 @@ class Run:
         trial = self.trial
         if ground.status is Status.VALID and trial.first_valid_s is None and self._attitude_s is not None:
             trial.first_valid_s = _since_s(ground.t_exposure_ns) - self._attitude_s
-        trial.add(ground, self._wearer.truth(ground.t_exposure_ns))
+        trial.add(ground, self._wearer.truth_of(ground))
 
 
 def tried(trials: Sequence[Trial]) -> None:

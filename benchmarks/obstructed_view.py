@@ -82,7 +82,7 @@ class Walked(msgspec.Struct, kw_only=True):
         if usable and not valid:
             self.reasons[ground.reason.value] = self.reasons.get(ground.reason.value, 0) + 1
         if valid:
-            truth = wearer.truth(ground.t_exposure_ns)
+            truth = wearer.truth_of(ground)
             self.valid_anywhere += 1
             self.wrong += errors_of(ground, truth).wrong
             if not truth.transition:

@@ -38,7 +38,7 @@ def counted(task: tuple[int, str, float]) -> Counter[str]:
                 continue
             if ground.t_exposure_ns < START_NS + SETTLED_NS:
                 continue
-            truth = wearer.truth(ground.t_exposure_ns)
+            truth = wearer.truth_of(ground)
             where = "at an edge" if truth.transition else "elsewhere"
             found["frames"] += 1
             found[f"frames {where}"] += 1

@@ -97,7 +97,7 @@ def demo(
                 recorder = open_recorder(
                     record, configuration, wearer.calibration, Source.SIMULATED, last, outputs_only=outputs_only
                 )
-            observer = TruthObserver(wearer, configuration.foothold, recorder)
+            observer = TruthObserver(wearer, recorder)
             service = build_service(
                 configuration,
                 wearer.calibration,

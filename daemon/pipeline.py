@@ -33,6 +33,7 @@ from perception.attitude.history import AttitudeAt
 from perception.attitude.track import AttitudeTrack
 from perception.frame_guard import FrameGuard
 from perception.gait.gait import Gait
+from perception.gait.landing import Landing
 from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
 from perception.ground.propagation import GroundPropagation
@@ -197,7 +198,7 @@ class Pipeline:
             self._attitude.add_camera_step(step, sound=self._motion.reason is Reason.NONE)
         placed = self._placed(frame.header)
         landing = None if isinstance(placed, Reason) else self._gait.add_frame(placed, self._attitude.at)
-        ground = self._ground_of(frame, placed)
+        ground = self._ground_of(frame, placed, landing)
         yield ground
         self._propagate(ground, placed)
         yield self._motion_of(frame.header, placed)
@@ -224,7 +225,7 @@ class Pipeline:
             return Reason.NO_IMU if reason is Reason.NONE else reason
         return attitude
 
-    def _ground_of(self, frame: Frame, placed: AttitudeAt | Reason) -> GroundPlane:
+    def _ground_of(self, frame: Frame, placed: AttitudeAt | Reason, landing: Landing | None) -> GroundPlane:
         if isinstance(placed, Reason):
             return self._no_ground(frame.header.t_exposure_ns, frame.header.seq, placed)
         ground = self._ground.estimate(
@@ -238,6 +239,8 @@ class Pipeline:
             focal_difference=self._motion.focal_difference,
             may_begin=self._attitude.is_watched,
             reduced=self._load is Load.REDUCED,
+            place_m=None if landing is None else (landing.ahead_m, landing.left_m),
+            path=self._terrain.path_ahead(placed.t_ns, placed.R_WB, placed.w_WB_B, placed.v_W_mps),
         )
         if ground.status is Status.VALID and not self._attitude.is_confirmed:
             return self._no_ground(frame.header.t_exposure_ns, frame.header.seq, Reason.UNCONFIRMED)

@@ -31,6 +31,7 @@ IN_WORDS = {
     Reason.EYES_MISALIGNED: "one eye sees all higher or larger than the calibration says; calibrate the pair again",
     Reason.CAMERA_SLIPPED: "the camera has turned on its mount; fasten it and calibrate it to the IMU again",
     Reason.DISTANCES_WRONG: "what is seen moves more or less than the IMU measures; calibrate the pair again",
+    Reason.OCCLUDED: "the ground on which the foot will land is hidden behind an edge",
     Reason.UNCONFIRMED: "the camera has been out of order: the gyroscope is checked again once it sees the ground move",
     Reason.OVER_EXPOSED: "the foothold is white or black in the picture: too bright or too dark to be seen",
     Reason.VIEW_DEFORMED: "part of one eye's picture is moved, as by a drop or a bent window; clean or replace it",

@@ -67,7 +67,7 @@ class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
 
     slope_sagittal_rad = atan ∂z/∂x (> 0: uphill ahead); slope_frontal_rad = atan ∂z/∂y (> 0: rises to the left);
     height_m: vertical distance from the left optical centre down to the plane (the thesis's z-intercept, Eq. 7).
-    `ahead_m` is where, along x of H, the measured region's centre lies. `covariance` is that of
+    `ahead_m` and `left_m` are where, along x and y of H, the measured region's centre lies. `covariance` is that of
     (slope_sagittal_rad, slope_frontal_rad, height_m), attitude and calibration included.
     """
 
@@ -84,6 +84,7 @@ class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
     inlier_share: float
     disparity_noise_px: float
     calibration_id: str
+    left_m: float = 0.0
 
     @classmethod
     def invalid(
@@ -95,6 +96,7 @@ class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
         ahead_m: float,
         calibration_id: str,
         matched_share: float = _NAN,
+        left_m: float = 0.0,
     ) -> "GroundPlane":
         """Return the estimate that says only why there is none: NaN for the ground, its covariance and its fit.
 
@@ -114,6 +116,7 @@ class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
             inlier_share=_NAN,
             disparity_noise_px=_NAN,
             calibration_id=calibration_id,
+            left_m=left_m,
         )
 
     def without_numbers(self, reason: Reason) -> "GroundPlane":

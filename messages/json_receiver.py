@@ -161,6 +161,7 @@ def _is_complete(message: Estimate) -> bool:
             message.slope_frontal_rad,
             message.height_m,
             message.ahead_m,
+            message.left_m,
         )
     elif isinstance(message, PropagatedGround):
         covariances = (message.covariance,)

@@ -37,6 +37,7 @@ class Reason(str, enum.Enum):
     )
     VIEW_DEFORMED = "view_deformed"  # something before a lens moves part of its picture: clean the window
     UNCONFIRMED = "unconfirmed"  # no camera has checked the gyroscope for long, or not long enough since
+    OCCLUDED = "occluded"  # the surface under the foothold is hidden behind a lip
     OVER_EXPOSED = "over_exposed"  # the foothold is white or black in the picture: there is nothing to match
 
     @property

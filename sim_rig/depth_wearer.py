@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from messages import DepthFrame, DepthUnitCalibration, Frame, GroundTruth, ImuSample, Tick, UserError
+from messages import DepthFrame, DepthUnitCalibration, Frame, GroundPlane, GroundTruth, ImuSample, Tick, UserError
 from sim_rig.camera.depth_renderer import DepthErrors, DepthRenderer
 from sim_rig.camera.depth_unit import DEPTH_HEIGHT_PX, DEPTH_WIDTH_PX, draw_depth_unit
 from sim_rig.camera.shutter import Shutter
@@ -39,9 +39,15 @@ class DepthWearer:
         )
         self._renderer = DepthRenderer(self.unit, scenario.world, self.gait, seed, errors)
 
-    def truth(self, t_exposure_ns: int, ahead_m: float = 0.7, half_length_m: float = 0.3) -> GroundTruth:
+    def truth(
+        self, t_exposure_ns: int, ahead_m: float = 0.7, half_length_m: float = 0.3, left_m: float = 0.0
+    ) -> GroundTruth:
         """Return the truth of the frame whose header says `t_exposure_ns` (see `SimulatedWearer.truth`)."""
-        return self._truth.at(self.shutter.true_of(t_exposure_ns), t_exposure_ns, ahead_m, half_length_m)
+        return self._truth.at(self.shutter.true_of(t_exposure_ns), t_exposure_ns, ahead_m, half_length_m, left_m)
+
+    def truth_of(self, ground: GroundPlane) -> GroundTruth:
+        """Return the truth of the frame that `ground` was measured in, where it was measured."""
+        return self.truth(ground.t_exposure_ns, ground.ahead_m, left_m=ground.left_m)
 
     def frames(self, count: int, first: int = 0) -> Iterator[tuple[DepthFrame, GroundTruth]]:
         """Yield frames `first`, `first` + 1 … with their truth, as fast as they can be rendered."""

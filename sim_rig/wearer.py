@@ -10,7 +10,7 @@ import numpy as np
 from drivers.camera.frame_pool import FramePair
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
-from messages import TOPICS, Calibration, Frame, GroundTruth, ImuSample, StereoFrame, Tick
+from messages import TOPICS, Calibration, Frame, GroundPlane, GroundTruth, ImuSample, StereoFrame, Tick
 from sim_rig.camera.rendered_frames import RenderedFrames, Scene
 from sim_rig.camera.renderer import Effects
 from sim_rig.camera.rig_camera import RigCamera
@@ -118,12 +118,19 @@ class SimulatedWearer:
         """Return the camera's frames for another player, `slots` of them ahead; their process starts now."""
         return RenderedFrames(self._scene, self.shutter, slots=slots, niceness=0)
 
-    def truth(self, t_exposure_ns: int, ahead_m: float = 0.7, half_length_m: float = 0.3) -> GroundTruth:
-        """Return the truth of the frame whose header says `t_exposure_ns`, for the foothold `ahead_m` along x of H.
+    def truth(
+        self, t_exposure_ns: int, ahead_m: float = 0.7, half_length_m: float = 0.3, left_m: float = 0.0
+    ) -> GroundTruth:
+        """Return the truth of the frame whose header says `t_exposure_ns`, for the foothold `ahead_m` along x of H
+        and `left_m` along y.
 
         `transition` is whether the ground within `half_length_m` before and behind the foothold has an edge.
         """
-        return self._truth.at(self.shutter.true_of(t_exposure_ns), t_exposure_ns, ahead_m, half_length_m)
+        return self._truth.at(self.shutter.true_of(t_exposure_ns), t_exposure_ns, ahead_m, half_length_m, left_m)
+
+    def truth_of(self, ground: GroundPlane) -> GroundTruth:
+        """Return the truth of the frame that `ground` was measured in, where it was measured."""
+        return self.truth(ground.t_exposure_ns, ground.ahead_m, left_m=ground.left_m)
 
     def region_seen(
         self, t_exposure_ns: int, ahead_m: float = 0.7, half_length_m: float = 0.3, half_width_m: float = 0.3

@@ -41,6 +41,6 @@ def score_walk(
     for message in wearer.offline_inputs(seconds):
         for estimate in pipeline.step(message):
             if isinstance(estimate, GroundPlane) and estimate.frame_seq >= 0:
-                truth = wearer.truth(estimate.t_exposure_ns, foothold.ahead_m, foothold.half_length_m)
+                truth = wearer.truth_of(estimate)
                 board.add(estimate, truth)
     return board

@@ -19,7 +19,7 @@ from perception.ground.plane import Plane, PlaneFitter
 
 F_PX, CX_LEFT_PX, CX_RIGHT_PX, CY_PX, BASELINE_M = 994.978, 311.193, 311.193 + 31.086, 254.877, 0.193001
 NOMINAL_PITCH_RAD = float(np.radians(15.0))
-FLOOR = FootholdSettings(ahead_m=2.9, half_length_m=0.9, half_width_m=1.2, nominal_height_m=1.1)
+FLOOR = FootholdSettings(ahead_m=2.9, half_length_m=0.9, half_width_m=1.2, nominal_height_m=1.1).region
 
 
 @dataclass(frozen=True)

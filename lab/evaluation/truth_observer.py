@@ -3,16 +3,14 @@
 from daemon.recorder import Recorder
 from lab.evaluation.score import Scoreboard
 from messages import Estimate, FrameHeader, GroundPlane, GroundTruth
-from perception.ground.foothold import FootholdSettings
 from sim_rig.wearer import SimulatedWearer
 
 
 class TruthObserver:
     """Observer of the service; the truth goes to the scoreboard and, if there is one, to the recorder."""
 
-    def __init__(self, wearer: SimulatedWearer, foothold: FootholdSettings, recorder: Recorder | None = None) -> None:
+    def __init__(self, wearer: SimulatedWearer, recorder: Recorder | None = None) -> None:
         self._wearer = wearer
-        self._foothold = foothold
         self._recorder = recorder
         self.scoreboard = Scoreboard()
         self.truth: GroundTruth | None = None
@@ -21,7 +19,7 @@ class TruthObserver:
         """Score one ground estimate that stems from a frame."""
         if not isinstance(estimate, GroundPlane) or header is None:
             return
-        self.truth = self._wearer.truth(header.t_exposure_ns, self._foothold.ahead_m, self._foothold.half_length_m)
+        self.truth = self._wearer.truth_of(estimate)
         self.scoreboard.add(estimate, self.truth)
         if self._recorder is not None:
             self._recorder.offer(self.truth)

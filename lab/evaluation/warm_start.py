@@ -67,7 +67,7 @@ def _started(
                 bias_error_radps = float(np.abs(off).max())
             if isinstance(estimate, GroundPlane) and estimate.status is Status.VALID:
                 ground_s = _s(message) - _SWITCHED_ON_S if ground_s != ground_s else ground_s
-                truth = wearer.truth(estimate.t_exposure_ns)
+                truth = wearer.truth_of(estimate)
                 squares.append((estimate.slope_sagittal_rad - truth.slope_sagittal_rad) ** 2)
     slope_rms_rad = float(np.sqrt(np.mean(squares))) if squares else float("nan")
     return PowerUp(attitude_s, ground_s, bias_error_radps, slope_rms_rad, len(squares))

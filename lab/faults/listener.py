@@ -137,7 +137,7 @@ class Listener:
         return now_ns - self._took_ns < _PROMPT_NS
 
     def _take_ground(self, t_ns: int, prompt: bool, ground: GroundPlane, stamp: Stamp) -> None:
-        truth = self._wearer.truth(ground.t_exposure_ns)
+        truth = self._wearer.truth_of(ground)
         valid = ground.status is Status.VALID
         repeated = stamp.seq in self._seqs
         self._seqs.append(stamp.seq)

@@ -8,10 +8,10 @@ A turn goes on as it went over the last stride. In axes that turn with it the wa
 faster and slower once a step (k = 2), who limps once a stride too, and it sways once a stride (k = 1). What of (1) is
 no ripple goes on. c_2 and the ripple have priors, which bound them while a stride tells little.
 
-How far ahead of the camera the foot strikes no picture tells: it strikes when the hip is midway between the feet (Perry,
-Burnfield, Gait Analysis), half a step's length, speed by step time, ahead of the hip; the camera at the front of the
-belt is about as far ahead of the hip joint as the sole's middle is of the ankle. Feet are put down about 11 cm apart and
-scatter by 2 to 3 cm (Owings, Grabiner, J. Biomechanics 37, 2004, and their references).
+How far ahead of the camera the foot strikes no picture tells: it strikes when the hip is midway between the feet
+(Perry, Burnfield, Gait Analysis), half a step's length, speed by step time, ahead of the hip; the camera at the front
+of the belt is about as far ahead of the hip joint as the sole's middle is of the ankle. Feet are put down about 11 cm
+apart and scatter by 2 to 3 cm (Owings, Grabiner, J. Biomechanics 37, 2004, and their references).
 """
 
 import math

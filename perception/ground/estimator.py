@@ -9,17 +9,19 @@ import numpy as np
 from messages import Frame, GroundPlane, Reason, Status, StereoFrame, UnitCalibration, Vec3, upper_triangle
 from messages.arrays import FloatArray
 from perception import so3
-from perception.depth.deformation import SOUND
 from perception.depth.focal_lengths import UNWATCHED, FocalDifference
+from perception.ground.aim import Aim, aimed, view_of
 from perception.ground.first_search import FirstSearch
 from perception.ground.foothold import FootholdSettings
 from perception.ground.known_height import HeightDifference, KnownHeight
 from perception.ground.meter import GroundMeasurement, GroundMeter
 from perception.ground.plane import Plane
 from perception.ground.repetition import RepetitionWatch
+from perception.ground.surface_change import SurfaceChange, plane_under
 from perception.ground.tracking import PlaneTracker, TrackingSettings
 from perception.ground.view_check import ViewCheck
 from perception.heading import heading
+from perception.terrain.path_ahead import PathAhead
 
 
 class GroundEstimator:
@@ -29,6 +31,9 @@ class GroundEstimator:
         self._residual = calibration.residual
         self._calibration_id = calibration.id
         self._foothold = foothold
+        self._region = foothold.region
+        self._change = SurfaceChange()
+        self._lasting_cov = np.zeros((3, 3))
         self._meter = GroundMeter(calibration.camera, calibration.residual)
         self._tracker = PlaneTracker(TrackingSettings())
         self._repetition = RepetitionWatch()
@@ -65,6 +70,8 @@ class GroundEstimator:
         focal_difference: FocalDifference = UNWATCHED,
         may_begin: bool = True,
         reduced: bool = False,
+        place_m: tuple[float, float] | None = None,
+        path: PathAhead | None = None,
     ) -> GroundPlane:
         """Return the ground in H of `frame`, given the attitude, its covariance and the rate at mid-exposure.
 
@@ -74,6 +81,8 @@ class GroundEstimator:
         eyes' focal lengths beyond the calibration. A plane that contradicts the track begins no new one unless it
         `may_begin`: while the camera's motion cannot be followed, what matches may be chance.
         With `reduced` only the middle half of the region's width is matched.
+        `place_m`, x and y of H, is where the foot will land; the region is about it, on the surface that `path` shows
+        there. Without it the settings' own region is measured.
         """
         if tuple(image.shape[::-1] for image in frame.images) != tuple(self._meter.camera.image_sizes_px):
             return self._invalid(frame, Reason.WRONG_SIZE)
@@ -82,11 +91,17 @@ class GroundEstimator:
         if R_WH is None:
             return self._invalid(frame, Reason.FOOTHOLD_OUT_OF_VIEW)
         t_ns = frame.header.t_exposure_ns
+        R_HC, attitude_cov_W = R_WH.T @ R_WC, _of_slopes(rotation_cov_W_rad2)
+        v_C_W = None if v_W_mps is None else v_W_mps + R_WB @ so3.skew(np.array(w_WB_B_radps)) @ self._p_BC_m
+        aim = self._aim(t_ns, R_HC, R_WH, attitude_cov_W, place_m, path or PathAhead(), v_C_W)
+        if aim.passed and v_C_W is not None:
+            return self._carried(frame, R_HC, R_WH, rotation_cov_W_rad2, w_WB_B_radps, v_C_W, distance_scale)
+        if aim.reason is not Reason.NONE:
+            return self._invalid(frame, aim.reason)
         expected = self._tracker.predicted(t_ns, R_WH)
         w_WC_C_radps = self.R_BC.T @ np.array(w_WB_B_radps)
-        region = self._foothold.narrowed() if reduced else self._foothold
+        region = self._region.narrowed() if reduced else self._region
         searched = self._search.begin(region) if expected is None else self._search.skip(region)
-        R_HC = R_WH.T @ R_WC
 
         def measure(near: Plane | None, margin_m: float | None = None, *, swapped: bool = False) -> GroundMeasurement:
             images, band = (frame.images[::-1], searched.likely) if swapped else (frame.images, searched.band)
@@ -109,15 +124,13 @@ class GroundEstimator:
             suspected = isinstance(frame, StereoFrame) and self._swap_watch.suspects(reason)
             swapped = suspected and measure(None, swapped=True).fit is not None
             return self._invalid(frame, self._swap_watch.verdict(reason, swapped), measured.matched_share)
-        view = SOUND
-        if v_W_mps is not None:
-            v_C_mps = R_WC.T @ np.array(v_W_mps) + so3.skew(w_WC_C_radps) @ self.R_BC.T @ self._p_BC_m
+        view = self._view.found
+        if v_C_W is not None and not region.bounded:
             view = self._view.check(
-                t_ns, frame.images, R_HC, region, measured, w_WC_C_radps, v_C_mps, settled=self._tracks
+                t_ns, frame.images, R_HC, region, measured, w_WC_C_radps, R_WC.T @ v_C_W, settled=self._tracks
             )
         if view.contradicts:
             return self._invalid(frame, Reason.VIEW_DEFORMED, measured.matched_share)
-        attitude_cov_W = _of_slopes(rotation_cov_W_rad2)
         tracked = self._tracker.updated(
             t_ns,
             measured.fit,
@@ -135,27 +148,95 @@ class GroundEstimator:
                 self._search.not_followed()
             return self._invalid(frame, Reason.NOT_PLANAR, measured.matched_share)
         plane, plane_cov = tracked
-        height_m = plane.height_m / (1.0 + distance_scale)
+        self._lasting_cov = measured.lasting_cov + self._view.covariance(plane, R_HC)
+        ground = self._valid(frame, plane, plane_cov, R_HC, R_WH, rotation_cov_W_rad2, w_WB_B_radps, distance_scale)
         if v_W_mps is not None:
-            self._known_height.add(t_ns, height_m, math.hypot(*v_W_mps[:2]), self._foothold)
-        cov = plane_cov + measured.lasting_cov + self._view.covariance(plane, R_HC) + self._height_cov(plane, R_HC)
-        cov = _slope_cov(plane, cov)
-        cov[:2, :2] += _of_slopes(R_WH.T @ rotation_cov_W_rad2 @ R_WH) + self._mounting_cov(w_WB_B_radps)
+            self._known_height.add(t_ns, ground.height_m, math.hypot(*v_W_mps[:2]), region)
+        return msgspec.structs.replace(
+            ground,
+            matched_share=measured.matched_share,
+            inlier_share=measured.fit.inlier_share,
+            disparity_noise_px=measured.fit.noise_px,
+        )
+
+    def _carried(
+        self,
+        frame: Frame,
+        R_HC: FloatArray,
+        R_WH: FloatArray,
+        rotation_cov_W: FloatArray,
+        w_WB_B_radps: Vec3,
+        v_C_W_mps: FloatArray,
+        distance_scale: float,
+    ) -> GroundPlane:
+        """Return the ground under a foothold that the picture does not reach down to any more: as it was last seen."""
+        t_ns = frame.header.t_exposure_ns
+        carried = self._tracker.carried(t_ns, R_WH, v_C_W_mps, _of_slopes(rotation_cov_W))
+        if carried is None:
+            return self._invalid(frame, Reason.FOOTHOLD_OUT_OF_VIEW)
+        ground = self._valid(frame, *carried, R_HC, R_WH, rotation_cov_W, w_WB_B_radps, distance_scale)
+        return msgspec.structs.replace(ground, matched_share=0.0)
+
+    def _valid(
+        self,
+        frame: Frame,
+        plane: Plane,
+        plane_cov: FloatArray,
+        R_HC: FloatArray,
+        R_WH: FloatArray,
+        rotation_cov_W: FloatArray,
+        w_WB_B_radps: Vec3,
+        distance_scale: float,
+    ) -> GroundPlane:
+        """Return the estimate that tells `plane`, of whose (a, b, h) the frames leave the covariance `plane_cov`."""
+        cov = _slope_cov(plane, plane_cov + self._lasting_cov + self._height_cov(plane, R_HC))
+        cov[:2, :2] += _of_slopes(R_WH.T @ rotation_cov_W @ R_WH) + self._mounting_cov(w_WB_B_radps)
         return GroundPlane(
-            t_exposure_ns=t_ns,
+            t_exposure_ns=frame.header.t_exposure_ns,
             frame_seq=frame.header.seq,
             status=Status.VALID,
             reason=Reason.NONE,
             slope_sagittal_rad=float(np.arctan(plane.gradient[0])),
             slope_frontal_rad=float(np.arctan(plane.gradient[1])),
-            height_m=height_m,
+            height_m=plane.height_m / (1.0 + distance_scale),
             covariance=upper_triangle(cov),
-            ahead_m=self._foothold.ahead_m,
-            matched_share=measured.matched_share,
-            inlier_share=measured.fit.inlier_share,
-            disparity_noise_px=measured.fit.noise_px,
+            ahead_m=self._region.ahead_m,
+            matched_share=math.nan,
+            inlier_share=math.nan,
+            disparity_noise_px=math.nan,
             calibration_id=self._calibration_id,
+            left_m=self._region.left_m,
         )
+
+    def _aim(
+        self,
+        t_ns: int,
+        R_HC: FloatArray,
+        R_WH: FloatArray,
+        attitude_cov_W: FloatArray,
+        place_m: tuple[float, float] | None,
+        path: PathAhead,
+        v_C_W_mps: FloatArray | None,
+    ) -> Aim:
+        """Choose the region of this frame; on another surface the track goes on from what the path shows of it."""
+        if v_C_W_mps is not None:
+            self._change.move(t_ns, (R_WH.T @ v_C_W_mps)[:2])
+        expected = self._tracker.predicted(t_ns, R_WH)
+        height_m = self._foothold.nominal_height_m if expected is None else expected.height_m
+        aim = aimed(self._foothold, place_m, path, view_of(self._meter.camera, R_HC, height_m))
+        self._region = aim.region
+        if aim.reason is not Reason.NONE and not aim.passed:
+            return aim
+        begins = expected is None and aim.region.bounded
+        if self._change.has_come(t_ns, aim.region, path) or begins:
+            under = plane_under(aim.region, path)
+            if under is None:
+                self._tracker.forget()
+            else:
+                self._tracker.begin(t_ns, *under, R_WH, attitude_cov_W)
+            self._view.begin_anew()
+            self._known_height.begin_anew()
+        return aim
 
     def _invalid(self, frame: Frame, reason: Reason, matched_share: float = float("nan")) -> GroundPlane:
         """Return the estimate that says only why `frame` gives none."""
@@ -163,9 +244,10 @@ class GroundEstimator:
             t_exposure_ns=frame.header.t_exposure_ns,
             frame_seq=frame.header.seq,
             reason=reason,
-            ahead_m=self._foothold.ahead_m,
+            ahead_m=self._region.ahead_m,
             calibration_id=self._calibration_id,
             matched_share=matched_share,
+            left_m=self._region.left_m,
         )
 
     def _height_cov(self, plane: Plane, R_HC: FloatArray) -> FloatArray:

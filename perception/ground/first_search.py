@@ -7,12 +7,11 @@ same band, to confirm it.
 """
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
-import msgspec
-
 from messages import CAMERA_HEIGHTS_M, Reason, WearerHeight
-from perception.ground.foothold import FootholdSettings
+from perception.ground.region import FootholdRegion
 
 
 class Searched(NamedTuple):
@@ -21,9 +20,9 @@ class Searched(NamedTuple):
     `band` is this frame's, `likely` the most likely one, `bounds` where a plane of the band may have a rival.
     """
 
-    band: FootholdSettings
-    likely: FootholdSettings
-    bounds: FootholdSettings
+    band: FootholdRegion
+    likely: FootholdRegion
+    bounds: FootholdRegion
 
 
 class FirstSearch:
@@ -35,17 +34,17 @@ class FirstSearch:
         self._to_confirm = False
         self._likely_reason = Reason.NONE
 
-    def skip(self, foothold: FootholdSettings) -> Searched:
+    def skip(self, foothold: FootholdRegion) -> Searched:
         """Return what a frame searches that knows where the ground is; the next search begins anew."""
         self._turn, self._to_confirm = 0, False
         return self.begin(foothold)
 
-    def begin(self, foothold: FootholdSettings) -> Searched:
+    def begin(self, foothold: FootholdRegion) -> Searched:
         """Return what this frame searches. In the likely band a plane has rivals of that band only; one found outside
         must stand out among all heights that are possible."""
         likely = foothold
         if self._wearer is not None:
-            likely = msgspec.structs.replace(foothold, nominal_height_m=self._wearer.camera_height_m)
+            likely = replace(foothold, nominal_height_m=self._wearer.camera_height_m)
         others = _other_bands(likely)
         if self._at_likely or not others:
             return Searched(likely, likely, likely)
@@ -76,11 +75,11 @@ class FirstSearch:
         return self._turn % 2 == 0
 
 
-def _with_band(foothold: FootholdSettings, height_m: float, margin_m: float) -> FootholdSettings:
-    return msgspec.structs.replace(foothold, nominal_height_m=height_m, height_margin_m=margin_m)
+def _with_band(foothold: FootholdRegion, height_m: float, margin_m: float) -> FootholdRegion:
+    return replace(foothold, nominal_height_m=height_m, height_margin_m=margin_m)
 
 
-def _other_bands(likely: FootholdSettings) -> list[tuple[float, float]]:
+def _other_bands(likely: FootholdRegion) -> list[tuple[float, float]]:
     """Return (height, margin) of bands that hold, beside the likely one, every height that is possible."""
     low_m, high_m = CAMERA_HEIGHTS_M
     below = (low_m, min(high_m, likely.nominal_height_m - likely.height_margin_m))

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 
 from messages import WearerHeight
-from perception.ground.foothold import FootholdSettings
+from perception.ground.region import FootholdRegion
 
 
 @dataclass(frozen=True)
@@ -59,15 +59,15 @@ class KnownHeight:
         """Wait until the feet are on the plane ahead: it is another one than before."""
         self._walked_m, self._t_ns = 0.0, None
 
-    def add(self, t_ns: int, height_m: float, speed_mps: float, foothold: FootholdSettings) -> None:
-        """Take the height of one frame, measured at `foothold`, of a wearer who goes at `speed_mps`."""
+    def add(self, t_ns: int, height_m: float, speed_mps: float, region: FootholdRegion) -> None:
+        """Take the height of one frame, measured in `region`, of a wearer who goes at `speed_mps`."""
         if self._wearer is None:
             return
         step_s = 0.0 if self._t_ns is None else min(1e-9 * (t_ns - self._t_ns), self.longest_step_s)
         self._t_ns = t_ns
         self._walked_m += speed_mps * step_s
         off_m = height_m - self._wearer.camera_height_m
-        underfoot = self._walked_m >= foothold.ahead_m + foothold.half_length_m + self.underfoot_m
+        underfoot = self._walked_m >= region.ahead_m + region.half_length_m + self.underfoot_m
         if step_s <= 0.0 or not underfoot or not self._is_upright(off_m, speed_mps):
             return
         self._seen_s += step_s

@@ -1,7 +1,7 @@
 """One frame and one attitude to the plane of ground at the foothold, or the reason why there is none."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from perception.depth.focal_lengths import UNWATCHED, FocalDifference, plane_err
 from perception.depth.repeats import NO_REPEATS, Repeats
 from perception.depth.stereo_camera import StereoCamera
 from perception.ground.block_errors import blocks
-from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane, PlaneFit, PlaneFitter
+from perception.ground.region import FootholdRegion
 from perception.ground.relief import relief_cov
 from perception.ground.rough import rough_plane
 from perception.ground.things import is_ground
@@ -64,7 +64,7 @@ class GroundMeter:
         R_HC: FloatArray,
         w_HC_C_radps: FloatArray,
         height_rate_mps: float,
-        region: FootholdSettings,
+        region: FootholdRegion,
         expected: Plane | None,
         margin_m: float | None = None,
         focal_difference: FocalDifference = UNWATCHED,
@@ -111,7 +111,7 @@ class GroundMeter:
                 return GroundMeasurement(Reason.NONE, matched_share, rough, lasting, patch)
         if fit is None or fit.noise_px >= self._fitter.most_noise_px or fit.inlier_share < self.least_inlier_share:
             return GroundMeasurement(self._unseen(Reason.NOT_PLANAR, images, points_C), matched_share)
-        if fit.plane.steepness_rad > self._fitter.steepest_rad:
+        if fit.plane.steepness_rad > (STEEPEST_BOUNDED_RAD if region.bounded else self._fitter.steepest_rad):
             return GroundMeasurement(Reason.TOO_STEEP, matched_share)
         misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
         ground = is_ground(points_H, fit.plane.rise_m(points_H), np.abs(misfit_px) < 3.0 * fit.noise_px, region)
@@ -122,6 +122,8 @@ class GroundMeter:
             misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
         lasting = self._residual_cov(fit.plane, R_HC, focal_difference)
         lasting += relief_cov(fit, points_H, disparity_px, misfit_px, block, region, self.locking_px)
+        if region.bounded:
+            fit = replace(fit, covariance=fit.covariance + _beside_borders(region))
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)
 
     def _unseen(self, reason: Reason, images: Sequence[Image], points_C: FloatArray) -> Reason:
@@ -130,7 +132,7 @@ class GroundMeter:
         return Reason.OVER_EXPOSED if blind else reason
 
     def find_repeats(
-        self, images: Sequence[Image], R_HC: FloatArray, region: FootholdSettings, plane: Plane
+        self, images: Sequence[Image], R_HC: FloatArray, region: FootholdRegion, plane: Plane
     ) -> Repeats:
         """Return the planes as steep as `plane`, in H, that match as well as it where the ground repeats itself."""
         corners_C = region.footprint(plane, 0.0) @ R_HC
@@ -142,7 +144,7 @@ class GroundMeter:
         self,
         images: Sequence[Image],
         R_HC: FloatArray,
-        region: FootholdSettings,
+        region: FootholdRegion,
         measured: GroundMeasurement,
         w_C_radps: FloatArray,
         v_C_mps: FloatArray,
@@ -190,6 +192,19 @@ class GroundMeter:
         return cov
 
 
+def _beside_borders(region: FootholdRegion) -> FloatArray:
+    """Return the covariance (3, 3) of (a, b, h) by what the matcher draws over a border into a short region: it tips
+    the plane about the region's middle."""
+    slope = _DRAWN_OVER_M / (_RADIUS_OF_GYRATION * region.half_length_m)
+    pivot = slope * np.array([1.0, 0.0, region.ahead_m])
+    cov: FloatArray = np.outer(pivot, pivot)
+    return cov
+
+
+STEEPEST_BOUNDED_RAD = float(np.radians(15.0))
+"""Between two edges nothing is steeper that one steps on: what is, the matcher makes of an edge."""
+_DRAWN_OVER_M = 0.0015
+_RADIUS_OF_GYRATION = 0.577  # of a uniform stretch, in half-lengths
 _LEAST_DEPTH_M = 0.1
 _LEAST_PIXELS = 100
 _LEAST_DISPARITY_PX = 1e-6

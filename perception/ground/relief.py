@@ -1,11 +1,13 @@
 """What the foothold region holds besides one plane, as uncertainty of that plane under the foot."""
 
+import math
+
 import numpy as np
 
 from messages.arrays import BoolArray, FloatArray, IntArray
 from perception.ground.block_errors import covariance_of_sum
-from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import PlaneFit
+from perception.ground.region import FootholdRegion
 
 
 def relief_cov(
@@ -14,7 +16,7 @@ def relief_cov(
     disparity_px: FloatArray,
     misfit_px: FloatArray,
     block: IntArray,
-    region: FootholdSettings,
+    region: FootholdRegion,
     locking_px: float,
 ) -> FloatArray:
     """Return the covariance (3, 3) of (a, b, h) that relief adds.
@@ -26,7 +28,7 @@ def relief_cov(
     inlier = np.abs(misfit_px) < 3.0 * fit.noise_px
     rise_m = fit.plane.rise_m(points_H)
     locking_m = fit.plane.height_m * locking_px / float(disparity_px.mean())
-    cov = _crease(points_H[inlier, 0], rise_m[inlier], weight[inlier], block[inlier], region, locking_m)
+    cov = _crease(region.along_m(points_H[inlier]), rise_m[inlier], weight[inlier], block[inlier], region, locking_m)
     cov[2, 2] += _step_variance_m2(rise_m, inlier, weight)
     return cov
 
@@ -40,11 +42,11 @@ def _step_variance_m2(rise_m: FloatArray, inlier: BoolArray, weight: FloatArray)
 
 
 def _crease(
-    x_m: FloatArray,
+    along_m: FloatArray,
     rise_m: FloatArray,
     weight: FloatArray,
     block: IntArray,
-    region: FootholdSettings,
+    region: FootholdRegion,
     locking_m: float,
 ) -> FloatArray:
     """Return the covariance of a bend along the region, such as the foot of a ramp.
@@ -55,13 +57,14 @@ def _crease(
     which bends a plane by as much as it lifts it, `locking_m`, the same in all frames of a texture.
     """
     half_length_m = region.half_length_m
-    xi = (x_m - region.ahead_m) / half_length_m
+    xi = along_m / half_length_m
     terms = np.stack((np.ones(len(xi)), xi, xi**2), axis=-1)
     weighted = terms * weight[:, None]
     inverse = np.linalg.inv(terms.T @ weighted)
     c_m = inverse @ (weighted.T @ rise_m)
     by_errors = inverse @ covariance_of_sum(weighted * (rise_m - terms @ c_m)[:, None], block) @ inverse
     square_m2 = max(0.0, float(c_m[2] ** 2 - by_errors[2, 2]) - locking_m**2)
-    pivot = np.array([1.0, 0.0, region.ahead_m])
+    across = math.tan(region.yaw_rad)
+    pivot = np.array([1.0, across, region.ahead_m + across * region.left_m])
     cov: FloatArray = 4.0 / 3.0 * square_m2 / half_length_m**2 * np.outer(pivot, pivot)
     return cov

@@ -15,9 +15,9 @@ from collections.abc import Callable
 
 from messages import Reason
 from perception.depth.repeats import Repeats
-from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeasurement
 from perception.ground.plane import Plane, PlaneFit
+from perception.ground.region import FootholdRegion
 
 
 class RepetitionWatch:
@@ -46,7 +46,7 @@ class RepetitionWatch:
         measured: GroundMeasurement,
         fit: PlaneFit,
         expected: Plane | None,
-        region: FootholdSettings,
+        region: FootholdRegion,
         ask: Callable[[Plane], Repeats],
         measure: Callable[[Plane, float], GroundMeasurement],
     ) -> tuple[GroundMeasurement, bool]:
@@ -94,7 +94,7 @@ class RepetitionWatch:
         return height_m * half / (1.0 + half)
 
 
-def _where_ground_may_be(found: Repeats, plane: Plane, region: FootholdSettings) -> Repeats:
+def _where_ground_may_be(found: Repeats, plane: Plane, region: FootholdRegion) -> Repeats:
     """Return the rivals of `plane` that the region's first bounds of the height allow."""
     low_m, high_m = (region.nominal_height_m + side * region.height_margin_m for side in (-1.0, 1.0))
     return found.within((plane.height_m / high_m, plane.height_m / low_m))

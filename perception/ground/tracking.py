@@ -58,6 +58,35 @@ class PlaneTracker:
         self._track: _Track | None = None
         self._candidate: _Track | None = None
 
+    def begin(self, t_ns: int, plane: Plane, cov: FloatArray, R_WH: FloatArray, attitude_cov_W: FloatArray) -> None:
+        """Go on from another `plane` in H, of which (a, b, h) has the covariance `cov` (3, 3): known from elsewhere, so
+        that the next frame needs no other one to confirm it."""
+        turn = _turn(R_WH)
+        self._track, self._candidate = _Track(t_ns, turn @ plane.abh, turn @ cov @ turn.T, attitude_cov_W), None
+
+    def carried(
+        self, t_ns: int, R_WH: FloatArray, v_W_mps: FloatArray, attitude_cov_W: FloatArray
+    ) -> tuple[Plane, FloatArray] | None:
+        """Return the plane in H that is not seen any more, and its covariance (a, b, h), without the attitude's.
+
+        The camera, which moves by `v_W_mps` (3,), has come away from it by v · (−a, −b, 1) a second since the track was
+        last brought up to a frame. None without a track younger than `longest_gap_s`.
+        """
+        track = self._track
+        if track is None or t_ns - track.t_ns > 1e9 * self._settings.longest_gap_s:
+            return None
+        since_s = 1e-9 * (t_ns - track.t_ns)
+        a, b, h = track.state
+        state = np.array([a, b, h + since_s * float(v_W_mps @ np.array([-a, -b, 1.0]))])
+        grown = np.diag([0.0, 0.0, (_CARRIED_MPS * since_s) ** 2])
+        self._track = _Track(t_ns, state, track.cov + grown, attitude_cov_W)
+        turn = _turn(R_WH)
+        return _plane(turn.T @ state), turn.T @ self._track.cov @ turn
+
+    def forget(self) -> None:
+        """Follow no plane any more."""
+        self._track = self._candidate = None
+
     def predicted(self, t_ns: int, R_WH: FloatArray) -> Plane | None:
         """Return the plane in H as expected at `t_ns`, or None without a track younger than `longest_gap_s`."""
         if self._track is None or t_ns - self._track.t_ns > 1e9 * self._settings.longest_gap_s:
@@ -117,6 +146,10 @@ class PlaneTracker:
         prior: FloatArray = before.cov + np.diag(rates**2 * dt_s)
         prior[:2, :2] += _positive_part(before.attitude_cov_W - seen.attitude_cov_W)
         return prior
+
+
+_CARRIED_MPS = 0.05
+"""What a velocity may be off, and the way between two frames beside it, 1 σ."""
 
 
 def _positive_part(difference: FloatArray) -> FloatArray:

@@ -8,9 +8,9 @@ from messages import Image
 from messages.arrays import FloatArray
 from perception.depth.deformation import SOUND, Deformation, DeformationWatch
 from perception.depth.eye_shifts import EyeShifts
-from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeasurement, GroundMeter
 from perception.ground.plane import Plane
+from perception.ground.region import FootholdRegion
 
 
 class ViewCheck:
@@ -24,14 +24,15 @@ class ViewCheck:
         self._t_ns = 0
         self._asked = False
         self._shifts: EyeShifts | None = None
-        self._found = SOUND
+        self.found = SOUND
+        """What the frames asked until now have told of the view."""
 
     def check(
         self,
         t_ns: int,
         images: tuple[Image, ...],
         R_HC: FloatArray,
-        region: FootholdSettings,
+        region: FootholdRegion,
         measured: GroundMeasurement,
         w_C_radps: FloatArray,
         v_C_mps: FloatArray,
@@ -46,14 +47,14 @@ class ViewCheck:
         """
         self._asked = not (settled and self._asked)
         if not self._asked:
-            return self._found
+            return self.found
         step_s, self._t_ns = 1e-9 * (t_ns - self._t_ns), t_ns
         self._shifts = self._meter.find_shifts(images, R_HC, region, measured, w_C_radps, v_C_mps)
         if self._shifts is None:
-            return self._found
+            return self.found
         speed_mps = math.hypot(*(R_HC @ v_C_mps)[:2].tolist())
-        self._found = self._watch.add(self._shifts, speed_mps * min(step_s, self.longest_step_s))
-        return self._found
+        self.found = self._watch.add(self._shifts, speed_mps * min(step_s, self.longest_step_s))
+        return self.found
 
     def begin_anew(self) -> None:
         """Judge the view by this frame and those to come: the plane is another one at once."""
@@ -69,4 +70,4 @@ class ViewCheck:
         (x, y), (half_x, half_y) = self._shifts.middle, self._shifts.half
         across, ahead = np.array([1.0, 0.0, -x]) / half_x, np.array([0.0, 1.0, -y]) / half_y
         ramps = math.sqrt(3.0) * np.array([across, ahead])  # of the same mean square as what is common
-        return self._meter.offset_cov(plane, R_HC, self._found.size_px * np.vstack((ramps, [0.0, 0.0, 1.0])))
+        return self._meter.offset_cov(plane, R_HC, self.found.size_px * np.vstack((ramps, [0.0, 0.0, 1.0])))

@@ -1,6 +1,7 @@
 """A frame and the attitude at its mid-exposure to the published surfaces and edges of the path ahead."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from perception.terrain.kinds import FROM_M, kind_of
 from perception.terrain.memory import EdgeMemory
 from perception.terrain.obstacle_memory import ObstacleMemory
 from perception.terrain.obstacles import Obstacle, find_obstacles
+from perception.terrain.path_ahead import PathAhead, moved
 from perception.terrain.path_points import PathSettings, find_points
 from perception.terrain.profile import profile_of, roughness_m
 from perception.terrain.surfaces import PathSurfaces, Surface, find_surfaces
@@ -58,6 +60,19 @@ class TerrainEstimator:
         self._rough_m = 0.0
         self.surfaces = PathSurfaces((), 0.0)
         """Those that the newest estimate was made of."""
+        self._seen: _Seen | None = None
+
+    def path_ahead(self, t_ns: int, R_WB: FloatArray, w_WB_B_radps: Vec3, v_W_mps: Vec3) -> PathAhead:
+        """Return what the frames before have shown of the path, as it lies in H at `t_ns`."""
+        R_WH, seen = heading(R_WB @ self._R_BC), self._seen
+        if R_WH is None or seen is None or not 0 <= t_ns - seen.t_ns <= _PATH_LASTS_NS:
+            return PathAhead()
+        v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(np.array(w_WB_B_radps)) @ self._p_BC_m
+        way_m = 0.5e-9 * (t_ns - seen.t_ns) * (seen.v_W_mps + v_C_W)
+        edges = self._memory.expected(t_ns, v_C_W[:2], math.atan2(R_WH[1, 0], R_WH[0, 0]))
+        ahead_m = float(R_WH[:, 0] @ way_m)
+        surfaces = tuple(moved(surface, ahead_m, float(way_m[2])) for surface in seen.surfaces)
+        return PathAhead(tuple(edges), surfaces, seen.yaw_rad)
 
     def estimate(
         self,
@@ -101,6 +116,7 @@ class TerrainEstimator:
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
         edges = self._memory.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, found, surfaces)
         obstacles = self._obstacles.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, things)
+        self._seen = _Seen(frame.header.t_exposure_ns, v_C_W, surfaces, yaw_rad)
         self._follow_height(surfaces)
         if not surfaces:
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.LOW_TEXTURE)
@@ -139,6 +155,15 @@ class TerrainEstimator:
             self._height_m += _FOLLOWS * (near[0] - self._height_m)
 
 
+class _Seen(NamedTuple):
+    """The surfaces of a frame, along u of this yaw, and the camera's velocity in W (3,) then."""
+
+    t_ns: int
+    v_W_mps: FloatArray
+    surfaces: list[Surface]
+    yaw_rad: float
+
+
 def _told(edge: Edge, too_long: float) -> TerrainEdge:
     """Return an edge with its lengths corrected for distances that are `too_long` times as long as true ones."""
     return TerrainEdge(
@@ -159,5 +184,6 @@ def _obstacle(obstacle: Obstacle, too_long: float) -> TerrainObstacle:
     )
 
 
+_PATH_LASTS_NS = 300_000_000
 _LOWEST_M, _HIGHEST_M = 0.5, 1.6
 _FOLLOWS = 0.3

@@ -102,12 +102,14 @@ class EdgeMemory:
                 known.contradicted += 1
         self._known += [self._new(edge, heading_rad) for edge in unmatched]
         self._forget(heading_rad)
-        told = [
-            known.in_heading(self._p_W_m, heading_rad)
-            for known in self._known
-            if known.seen >= self._settings.confirmed
-        ]
-        return sorted(told, key=lambda edge: edge.distance_m)
+        return self._told(self._p_W_m, heading_rad)
+
+    def expected(self, t_ns: int, v_W_mps: FloatArray, heading_rad: float) -> list[Edge]:
+        """Return the confirmed edges as they lie in H, by distance, at a time after the last frame."""
+        since_s = 0.0 if self._t_ns is None else 1e-9 * (t_ns - self._t_ns)
+        if since_s > self._settings.longest_gap_s:
+            return []
+        return self._told(self._p_W_m + 0.5 * since_s * (self._v_W_mps + v_W_mps), heading_rad)
 
     def expected_yaw_rad(self, heading_rad: float) -> float:
         """Return the yaw of the nearest edge ahead that is confirmed; 0 where none is."""
@@ -118,6 +120,10 @@ class EdgeMemory:
             and (edge := known.in_heading(self._p_W_m, heading_rad)).distance_m > 0.0
         ]
         return min(ahead, key=lambda edge: edge.distance_m).yaw_rad if ahead else 0.0
+
+    def _told(self, p_W_m: FloatArray, heading_rad: float) -> list[Edge]:
+        confirmed = (known for known in self._known if known.seen >= self._settings.confirmed)
+        return sorted((known.in_heading(p_W_m, heading_rad) for known in confirmed), key=lambda edge: edge.distance_m)
 
     def _move(self, t_ns: int, v_W_mps: FloatArray) -> None:
         dt_s = 0.0 if self._t_ns is None else 1e-9 * (t_ns - self._t_ns)

@@ -48,22 +48,23 @@ class TruthSource:
         self._p_BE_m = np.array(X_BE.p_m)
         self._axis_B = np.array(X_BE.R) @ axis_E
 
-    def at(self, t_ns: int, stamp_ns: int, ahead_m: float, half_length_m: float) -> GroundTruth:
+    def at(self, t_ns: int, stamp_ns: int, ahead_m: float, half_length_m: float, left_m: float = 0.0) -> GroundTruth:
         """Return the truth at the true instant `t_ns`, under the name `stamp_ns` that the frame goes by.
 
-        The foothold is `ahead_m` along x of H, its region reaches `half_length_m` before and behind. The plane is
-        the one under the foothold, on rough ground that of least squares through a square region; `height_m` is that
-        plane's distance straight below the optical centre.
+        The foothold is `ahead_m` along x of H and `left_m` along y, its region reaches `half_length_m` before and
+        behind. The plane is the one under the foothold, on rough ground that of least squares through a square region;
+        `height_m` is that plane's distance straight below the optical centre.
         """
         motion = self._gait.at(np.array([t_ns]))
         p_WE, (cos_heading, sin_heading) = self._origin_and_heading(motion)
-        foothold_x_m = p_WE[0] + ahead_m * cos_heading
+        foothold_x_m = p_WE[0] + ahead_m * cos_heading - left_m * sin_heading
         reach_m = half_length_m * abs(cos_heading)
         ground = self._world.segment_at(foothold_x_m)
         slope_sagittal_rad, slope_frontal_rad = _slopes(ground.slope_rad, cos_heading, sin_heading)
         height_m = float(p_WE[2] - ground.height_at(p_WE[0]))
         if self._world.relief is not None:
             x_H, y_H = region_H(ahead_m, half_length_m, half_length_m)
+            y_H = y_H + left_m
             ahead, left = np.array((cos_heading, sin_heading)), np.array((-sin_heading, cos_heading))
             x_W, y_W = (p_WE[:2] + np.outer(x_H, ahead) + np.outer(y_H, left)).T
             a, b, c = np.linalg.lstsq(

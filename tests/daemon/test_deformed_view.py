@@ -47,7 +47,7 @@ def walked(
 
 def wrong(grounds: list[GroundPlane], wearer: SimulatedWearer) -> int:
     valid = [ground for ground in grounds if ground.status is Status.VALID]
-    return sum(errors_of(ground, wearer.truth(ground.t_exposure_ns)).wrong for ground in valid)
+    return sum(errors_of(ground, wearer.truth_of(ground)).wrong for ground in valid)
 
 
 def test_a_sound_view_is_valid_throughout(wearer: SimulatedWearer, inputs: list[Input]) -> None:

@@ -363,7 +363,7 @@ def test_what_is_malformed_is_refused(wrong: bytes) -> None:
     assert isinstance(fed(listening, 1), Received)
 
 
-@pytest.mark.parametrize("field", sorted(set(json.loads(payload(0)))))
+@pytest.mark.parametrize("field", sorted(set(json.loads(payload(0))) - {"left_m"}))  # younger than old recordings
 def test_every_field_is_needed(field: str) -> None:
     told = json.loads(payload(0))
     del told[field]

@@ -22,7 +22,7 @@ BENT = msgspec.structs.replace(PINHOLE, distortion=(-0.17, 0.03, 0.0004, -0.0008
 PITCH = np.deg2rad(45.0)
 R_HC = np.array([[0.0, -np.sin(PITCH), np.cos(PITCH)], [-1.0, 0.0, 0.0], [0.0, -np.cos(PITCH), -np.sin(PITCH)]])
 GROUND = Plane((0.08, -0.05), 0.93)
-REGION = FootholdSettings()
+REGION = FootholdSettings().region
 
 
 def depth_of(plane: Plane, lens: Lens, step_m: float = 0.001) -> DepthImage:

@@ -164,7 +164,7 @@ def test_ground_nearer_than_the_search_can_match_is_out_of_range() -> None:
     rectifier = Rectifier(SimulatedWearer(16, scenario("standing"), START_NS).calibration.stereo, 1)
     s = np.sqrt(0.5)
     R_HC = np.array([[0, -s, s], [-1, 0, 0], [0, -s, -s]])
-    near = FootholdSettings(ahead_m=0.3, half_length_m=0.1)
+    near = FootholdSettings(ahead_m=0.3, half_length_m=0.1).region
     with pytest.raises(OutOfRangeError):
         view_of(near.footprint(Plane((0.0, 0.0), 0.35), 0.2) @ R_HC, rectifier)
 

@@ -1,6 +1,7 @@
 """While nothing is followed every height that is possible is searched, one bounded band of it in each frame."""
 
-import msgspec
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -20,7 +21,7 @@ def bands(search: FirstSearch, foothold: FootholdSettings, frames: int) -> list[
     """Return (lowest, highest) of the heights that each of some frames without a plane searches."""
     found = []
     for _ in range(frames):
-        band = search.begin(foothold).band
+        band = search.begin(foothold.region).band
         found.append((band.nominal_height_m - band.height_margin_m, band.nominal_height_m + band.height_margin_m))
         search.ended(Reason.NOT_PLANAR)
     return found
@@ -50,12 +51,12 @@ def test_the_configured_height_has_every_second_frame(foothold: FootholdSettings
 
 def test_the_wearers_height_takes_the_place_of_the_configured_one() -> None:
     search = FirstSearch(WearerHeight(camera_height_m=1.07, std_m=0.005))
-    begun = search.begin(FootholdSettings(nominal_height_m=0.5))
+    begun = search.begin(FootholdSettings(nominal_height_m=0.5).region)
     assert begun.band.nominal_height_m == begun.likely.nominal_height_m == 1.07
 
 
 def test_a_band_with_a_plane_is_searched_again_to_confirm_it_and_left_if_it_is_not_confirmed() -> None:
-    search, foothold = FirstSearch(None), FootholdSettings(nominal_height_m=0.5)
+    search, foothold = FirstSearch(None), FootholdSettings(nominal_height_m=0.5).region
     search.begin(foothold)
     search.ended(Reason.LOW_TEXTURE)
     found = search.begin(foothold).band
@@ -69,14 +70,14 @@ def test_a_band_with_a_plane_is_searched_again_to_confirm_it_and_left_if_it_is_n
 
 
 def test_a_band_whose_plane_is_refused_for_another_reason_is_kept() -> None:
-    search, foothold = FirstSearch(None), FootholdSettings()
+    search, foothold = FirstSearch(None), FootholdSettings().region
     for _ in range(5):
         assert search.begin(foothold).band == foothold
         assert search.ended(Reason.NONE) is Reason.NONE
 
 
 def test_after_a_track_the_search_begins_anew() -> None:
-    search, foothold = FirstSearch(None), FootholdSettings()
+    search, foothold = FirstSearch(None), FootholdSettings().region
     search.begin(foothold)
     search.ended(Reason.NOT_PLANAR)
     assert search.begin(foothold).band != foothold
@@ -85,7 +86,7 @@ def test_after_a_track_the_search_begins_anew() -> None:
 
 @pytest.mark.parametrize("other", [Reason.OUT_OF_RANGE, Reason.FOOTHOLD_OUT_OF_VIEW])
 def test_without_a_plane_it_is_told_what_the_likely_band_showed(other: Reason) -> None:
-    search, foothold = FirstSearch(None), FootholdSettings()
+    search, foothold = FirstSearch(None), FootholdSettings().region
     told = []
     for reason in (Reason.LOW_TEXTURE, other, Reason.NOT_PLANAR, other):
         search.begin(foothold)
@@ -94,10 +95,10 @@ def test_without_a_plane_it_is_told_what_the_likely_band_showed(other: Reason) -
 
 
 def test_outside_the_likely_band_rivals_are_sought_at_all_heights() -> None:
-    search, foothold = FirstSearch(None), FootholdSettings()
+    search, foothold = FirstSearch(None), FootholdSettings().region
     assert search.begin(foothold).bounds == foothold
     search.ended(Reason.NOT_PLANAR)
     bounds = search.begin(foothold).bounds
     assert bounds.nominal_height_m - bounds.height_margin_m == pytest.approx(CAMERA_HEIGHTS_M[0])
     assert bounds.nominal_height_m + bounds.height_margin_m == pytest.approx(CAMERA_HEIGHTS_M[1])
-    assert msgspec.structs.replace(bounds, nominal_height_m=0.95, height_margin_m=0.35) == foothold
+    assert replace(bounds, nominal_height_m=0.95, height_margin_m=0.35) == foothold

@@ -9,7 +9,7 @@ from messages import WearerHeight
 from perception.ground.foothold import FootholdSettings
 from perception.ground.known_height import HeightDifference, KnownHeight
 
-REGION = FootholdSettings()
+REGION = FootholdSettings().region
 KNOWN_M = 0.97
 FRAME_NS = 50_000_000
 

@@ -8,7 +8,7 @@ from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane, PlaneFit
 from perception.ground.relief import relief_cov
 
-REGION = FootholdSettings()
+REGION = FootholdSettings().region
 FIT = PlaneFit(Plane((0.0, 0.0), 0.95), np.eye(3) * 1e-4, noise_px=0.2, inlier_share=1.0)
 
 

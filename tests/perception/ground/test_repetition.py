@@ -10,7 +10,7 @@ from perception.ground.meter import GroundMeasurement
 from perception.ground.plane import Plane, PlaneFit
 from perception.ground.repetition import RepetitionWatch
 
-REGION = FootholdSettings()
+REGION = FootholdSettings().region
 TRACKED = Plane((0.0, 0.0), 0.95)
 TILE = 0.025 / 0.12
 LIKE = Repeats(0.05, (Rival(1.0 + TILE, 0.06), Rival(1.0 - TILE, 0.07)))

@@ -1,0 +1,55 @@
+"""Whether the ground that is measured now is another surface than the one before: the region moves over borders."""
+
+import math
+
+import numpy as np
+
+from messages.arrays import FloatArray
+from perception.ground.plane import Plane
+from perception.ground.region import FootholdRegion
+from perception.terrain.path_ahead import PathAhead
+
+
+class SurfaceChange:
+    """Remembers where the ground was measured last, while the camera moves on."""
+
+    def __init__(self) -> None:
+        self._t_ns: int | None = None
+        self._measured_m = np.zeros(2)
+
+    def move(self, t_ns: int, v_H_mps: FloatArray) -> None:
+        """Come to a frame at `t_ns`; the camera moves by `v_H_mps` (2,) over the ground."""
+        if self._t_ns is not None:
+            self._measured_m = self._measured_m - 1e-9 * (t_ns - self._t_ns) * v_H_mps
+            self._t_ns = t_ns
+
+    def has_come(self, t_ns: int, region: FootholdRegion, path: PathAhead) -> bool:
+        """Return whether `region`, which is measured at `t_ns`, lies beyond a border of the path from where the ground
+        was measured before."""
+        before_m, now_m = self._measured_m, np.array([region.ahead_m, region.left_m])
+        first = self._t_ns is None
+        self._t_ns, self._measured_m = t_ns, now_m
+        if first:
+            return False
+        from_m, to_m = sorted((float(before_m[0]), region.ahead_m))
+        return any(from_m < at_m <= to_m for at_m in path.borders_m(region.left_m))
+
+
+def plane_under(region: FootholdRegion, path: PathAhead) -> tuple[Plane, FloatArray] | None:
+    """Return the plane that the path shows in the middle of a region, and the covariance (3, 3) of its (a, b, h).
+
+    It is that of one profile along the path, which tells nothing of the slope across.
+    """
+    along = math.tan(path.yaw_rad)
+    u_m = region.ahead_m + region.left_m * along
+    surface = path.surface_at(u_m)
+    if surface is None:
+        return None
+    at_region = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [region.ahead_m, region.left_m, 1.0]])
+    deviations = np.array([_SLOPE_SD + surface.slope_sd, _SLOPE_SD, math.hypot(_HEIGHT_SD_M, surface.sd_at(u_m))])
+    cov: FloatArray = at_region @ np.diag(deviations**2) @ at_region.T
+    return Plane((surface.slope, surface.slope * along), surface.slope * u_m - surface.at(u_m)), cov
+
+
+_SLOPE_SD, _HEIGHT_SD_M = 0.03, 0.012
+"""What a profile of the frame before may be off, beside what it states: matching is worse there than in the region."""

@@ -1,0 +1,58 @@
+"""What the frames before have shown of the path, as it lies ahead of the camera now."""
+
+import math
+from dataclasses import dataclass, replace
+
+from perception.terrain.edges import Edge
+from perception.terrain.surfaces import Surface
+
+
+@dataclass(frozen=True)
+class PathAhead:
+    """Confirmed edges in the order of their distance; the newest frame's surfaces along u = x + y tan(yaw)."""
+
+    edges: tuple[Edge, ...] = ()
+    surfaces: tuple[Surface, ...] = ()
+    yaw_rad: float = 0.0
+
+    def surface_at(self, u_m: float) -> Surface | None:
+        """Return the surface that reaches to `u_m`, or nearly; None where none is seen."""
+        near = [s for s in self.surfaces if s.from_m - _NEARLY_M <= u_m <= s.to_m + _NEARLY_M]
+        return min(near, key=lambda s: max(s.from_m - u_m, u_m - s.to_m), default=None)
+
+    def edge_at(self, x_m: float, left_m: float) -> Edge | None:
+        """Return the edge that is at `x_m` where y is `left_m`; None for a bend, or nothing."""
+        here = [edge for edge in self.edges if edge.distance_m - left_m * math.tan(edge.yaw_rad) == x_m]
+        return here[0] if here else None
+
+    def height_before(self, x_m: float, otherwise_m: float) -> float:
+        """Return how far below the camera the surface that ends at `x_m` is, or `otherwise_m` where it is not seen."""
+        ending = [s for s in self.surfaces if s.from_m < x_m - _NEARLY_M and abs(s.to_m - x_m) < _SAME_M]
+        return -ending[-1].at(x_m) if ending else otherwise_m
+
+    def borders_m(self, left_m: float) -> list[float]:
+        """Return x of what separates surfaces at y = `left_m`, in order: edges, and where the slope changes."""
+        edges = [edge.distance_m - left_m * math.tan(edge.yaw_rad) for edge in self.edges]
+        across_m = left_m * math.tan(self.yaw_rad)
+        bends = [
+            0.5 * (one.to_m + other.from_m) - across_m
+            for one, other in zip(self.surfaces, self.surfaces[1:], strict=False)
+            if abs(other.slope - one.slope) > _BEND and other.from_m - one.to_m < _NEARLY_M
+        ]
+        return sorted(edges + [bend for bend in bends if all(abs(bend - edge) > _SAME_M for edge in edges)])
+
+
+def moved(surface: Surface, ahead_m: float, up_m: float) -> Surface:
+    """Return a surface as it lies once the camera has gone ahead and up."""
+    return replace(
+        surface,
+        from_m=surface.from_m - ahead_m,
+        to_m=surface.to_m - ahead_m,
+        middle_m=surface.middle_m - ahead_m,
+        height_m=surface.height_m - up_m,
+    )
+
+
+_NEARLY_M = 0.06
+_BEND = 0.035
+_SAME_M = 0.12
