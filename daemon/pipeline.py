@@ -32,7 +32,7 @@ from messages import (
 from perception.attitude.history import AttitudeAt
 from perception.attitude.track import AttitudeTrack
 from perception.frame_guard import FrameGuard
-from perception.gait.gait import Gait
+from perception.gait.gait import Gait, NextSteps
 from perception.gait.landing import Landing
 from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
@@ -42,6 +42,7 @@ from perception.motion.watch import MotionWatch
 from perception.sample_guard import SampleGuard
 from perception.terrain.estimator import TerrainEstimator
 from perception.terrain.surfaces import PathSurfaces
+from perception.terrain.path_ahead import PathAhead
 
 LONGEST_WAIT_NS = 20_000_000
 """How long after its arrival a frame waits for an IMU sample later than its exposure, told by ticks."""
@@ -197,14 +198,17 @@ class Pipeline:
         if step is not None:
             self._attitude.add_camera_step(step, sound=self._motion.reason is Reason.NONE)
         placed = self._placed(frame.header)
-        landing = None if isinstance(placed, Reason) else self._gait.add_frame(placed, self._attitude.at)
-        ground = self._ground_of(frame, placed, landing)
+        path, steps = PathAhead(), NextSteps()
+        if not isinstance(placed, Reason):
+            path = self._terrain.path_ahead(placed.t_ns, placed.R_WB, placed.w_WB_B, placed.v_W_mps)
+            steps = self._gait.add_frame(placed, self._attitude.at, path)
+        ground = self._ground_of(frame, placed, steps.prosthetic, path)
         yield ground
         self._propagate(ground, placed)
         yield self._motion_of(frame.header, placed)
         if not self._passes_over:
             terrain = self._terrain_of(frame, placed, ground)
-            yield self._gait.with_foothold(terrain, landing, ground)
+            yield self._gait.with_foothold(terrain, steps, ground, path)
             self._motion.finish_frame()
         if self._contradiction is Reason.NONE and self._attitude.is_confirmed:
             self._attitude.checkpoint()
@@ -225,7 +229,9 @@ class Pipeline:
             return Reason.NO_IMU if reason is Reason.NONE else reason
         return attitude
 
-    def _ground_of(self, frame: Frame, placed: AttitudeAt | Reason, landing: Landing | None) -> GroundPlane:
+    def _ground_of(
+        self, frame: Frame, placed: AttitudeAt | Reason, landing: Landing | None, path: PathAhead
+    ) -> GroundPlane:
         if isinstance(placed, Reason):
             return self._no_ground(frame.header.t_exposure_ns, frame.header.seq, placed)
         ground = self._ground.estimate(
@@ -240,7 +246,7 @@ class Pipeline:
             may_begin=self._attitude.is_watched,
             reduced=self._load is Load.REDUCED,
             place_m=None if landing is None else (landing.ahead_m, landing.left_m),
-            path=self._terrain.path_ahead(placed.t_ns, placed.R_WB, placed.w_WB_B, placed.v_W_mps),
+            path=path,
         )
         if ground.status is Status.VALID and not self._attitude.is_confirmed:
             return self._no_ground(frame.header.t_exposure_ns, frame.header.seq, Reason.UNCONFIRMED)

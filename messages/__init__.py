@@ -32,6 +32,7 @@ from messages.estimates import (
     Source,
     Stamp,
     capture_ns,
+    full_matrix,
     upper_triangle,
 )
 from messages.inputs import (
@@ -133,6 +134,7 @@ __all__ = [
     "WearerHeight",
     "ZenohHealth",
     "capture_ns",
+    "full_matrix",
     "matrix3",
     "reduced_lens",
     "reduced_stereo",

@@ -5,6 +5,7 @@ calibration's id; `seq`, age, source and publishing time are added by the publis
 import enum
 
 import msgspec
+import numpy as np
 
 from messages.arrays import FloatArray
 from messages.inputs import CanBusHealth, DropCause, Load, RecordingState, Vec3, ZenohHealth
@@ -22,6 +23,12 @@ def upper_triangle(symmetric: FloatArray) -> Covariance3:
     """Return a symmetric (3, 3) array as a message's covariance."""
     s: list[list[float]] = symmetric.tolist()
     return s[0][0], s[0][1], s[0][2], s[1][1], s[1][2], s[2][2]
+
+
+def full_matrix(covariance: Covariance3) -> FloatArray:
+    """Return a message's covariance as a symmetric (3, 3) array."""
+    xx, xy, xz, yy, yz, zz = covariance
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 class Attitude(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,17 +1,38 @@
-"""The wearer's gait as the pipeline meets it: attitudes and the ankle's states in, the next landing out."""
+"""The wearer's gait as the pipeline meets it: attitudes and the ankle's states in, the next foothold out."""
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 
-from messages import AnkleState, GroundPlane, NextFoothold, Side, Status, StereoCalibration, Terrain, UnitCalibration
+from messages import (
+    AnkleState,
+    GroundPlane,
+    NextFoothold,
+    Side,
+    Status,
+    StereoCalibration,
+    Terrain,
+    UnitCalibration,
+    full_matrix,
+)
 from messages.arrays import FloatArray
 from perception.attitude.history import AttitudeAt
-from perception.gait.landing import Landing, next_landing
+from perception.gait.landing import Landing, next_landing, off_edges
+from perception.gait.stance import GroundHeight, StanceGround
 from perception.gait.watch import GaitWatch
 from perception.heading import heading
+from perception.terrain.path_ahead import PathAhead
+
+
+@dataclass(frozen=True)
+class NextSteps:
+    """Where the prosthetic foot and the other one land next; None where no walk is seen."""
+
+    prosthetic: Landing | None = None
+    other: Landing | None = None
 
 
 class Gait:
@@ -23,44 +44,70 @@ class Gait:
         # two eyes are worn before the wearer's middle; of a depth camera, its one eye
         self._middle_left_m = 0.5 * camera.X_RL.p_m[0] if isinstance(camera, StereoCalibration) else 0.0
         self._watch = GaitWatch(np.array(calibration.X_BE.p_m))
+        self._stance = StanceGround()
         self.side = side
 
     def add_ankle(self, state: AnkleState) -> None:
         """Take what the ankle says of its own foot."""
         self._watch.add_ankle(state)
 
-    def add_frame(self, placed: AttitudeAt, at: Callable[[int], AttitudeAt | None]) -> Landing | None:
+    def add_frame(self, placed: AttitudeAt, at: Callable[[int], AttitudeAt | None], path: PathAhead) -> NextSteps:
         """Come to a frame, exposed when the attitude was `placed`; `at` tells that of other instants.
 
-        Return where the prosthetic foot lands next, in H of that frame; None where no walk is seen.
+        Return the next landings in H of that frame, on the surfaces of the `path`.
         """
         self._watch.add_frame(placed.t_ns, at, self.side)
-        return self._landing(placed, self.side)
-
-    def with_foothold(self, terrain: Terrain, landing: Landing | None, ground: GroundPlane) -> Terrain:
-        """Return `terrain` with the foothold of the same frame, where it is valid."""
-        if terrain.status is not Status.VALID:
-            return terrain
-        return msgspec.structs.replace(terrain, foothold=_foothold(self.side, landing, ground))
-
-    def _landing(self, placed: AttitudeAt, side: Side) -> Landing | None:
         R_WH = heading(placed.R_WB @ self._R_BC)
         if R_WH is None:
-            return None
+            return NextSteps()
         heading_rad = math.atan2(R_WH[1, 0], R_WH[0, 0])
-        return next_landing(self._watch, placed.t_ns, heading_rad, side is Side.LEFT, self._middle_left_m)
+        found = (
+            next_landing(self._watch, placed.t_ns, heading_rad, left, self._middle_left_m) for left in (True, False)
+        )
+        left, right = (None if landing is None else off_edges(landing, path) for landing in found)
+        return NextSteps(left, right) if self.side is Side.LEFT else NextSteps(right, left)
+
+    def with_foothold(self, terrain: Terrain, steps: NextSteps, ground: GroundPlane, path: PathAhead) -> Terrain:
+        """Return `terrain` with the foothold of the same frame, where it is valid."""
+        level_m = self._watch.trail.height_at_m(ground.t_exposure_ns)
+        height = _height_on(ground, steps.prosthetic, level_m)
+        self._stance.add(self.side, steps.prosthetic, height)
+        other = Side.RIGHT if self.side is Side.LEFT else Side.LEFT
+        self._stance.add(other, steps.other, _height_of(path, steps.other, level_m))
+        if terrain.status is not Status.VALID:
+            return terrain
+        foothold = _foothold(self.side, steps.prosthetic, ground, self._stance.rise_to(height))
+        return msgspec.structs.replace(terrain, foothold=foothold)
 
 
-def _foothold(
-    side: Side, landing: Landing | None, ground: GroundPlane, rise: tuple[float, float] = (math.nan, math.nan)
-) -> NextFoothold:
+def _height_on(ground: GroundPlane, landing: Landing | None, level_m: float) -> GroundHeight | None:
+    """Return the height of the measured plane where a foot lands."""
+    if landing is None or ground.status is not Status.VALID:
+        return None
+    place = np.array([-landing.ahead_m, -landing.left_m, 1.0])
+    slopes = np.array([math.tan(ground.slope_sagittal_rad), math.tan(ground.slope_frontal_rad), ground.height_m])
+    variance_m2 = float(place @ full_matrix(ground.covariance) @ place)
+    return GroundHeight(level_m - float(place @ slopes), math.sqrt(max(variance_m2, 0.0)))
+
+
+def _height_of(path: PathAhead, landing: Landing | None, level_m: float) -> GroundHeight | None:
+    """Return the height of the surface that the frames before have shown where a foot lands."""
+    if landing is None:
+        return None
+    u_m = landing.ahead_m + landing.left_m * math.tan(path.yaw_rad)
+    surface = path.surface_at(u_m)
+    if surface is None:
+        return None
+    return GroundHeight(level_m + surface.at(u_m), math.hypot(surface.sd_at(u_m), _PROFILE_SD_M))
+
+
+def _foothold(side: Side, landing: Landing | None, ground: GroundPlane, rise: tuple[float, float]) -> NextFoothold:
     """Return the foothold of a `landing` on the `ground` of the same frame; `rise`, m, comes with its deviation.
 
     Without a landing nothing of it is known, without valid ground nothing of that.
     """
     if landing is None:
         return NextFoothold.unknown(side)
-    slope_ahead_var, _, _, slope_across_var, _, height_var = ground.covariance
     place = msgspec.structs.replace(
         NextFoothold.unknown(side),
         ahead_m=landing.ahead_m,
@@ -72,14 +119,19 @@ def _foothold(
     )
     if ground.status is not Status.VALID:
         return place
+    slope_sagittal_sd_rad, slope_frontal_sd_rad, height_sd_m = np.sqrt(np.diag(full_matrix(ground.covariance))).tolist()
     return msgspec.structs.replace(
         place,
         slope_sagittal_rad=ground.slope_sagittal_rad,
-        slope_sagittal_sd_rad=math.sqrt(slope_ahead_var),
+        slope_sagittal_sd_rad=slope_sagittal_sd_rad,
         slope_frontal_rad=ground.slope_frontal_rad,
-        slope_frontal_sd_rad=math.sqrt(slope_across_var),
+        slope_frontal_sd_rad=slope_frontal_sd_rad,
         height_m=ground.height_m,
-        height_sd_m=math.sqrt(height_var),
+        height_sd_m=height_sd_m,
         rise_m=rise[0],
         rise_sd_m=rise[1],
     )
+
+
+_PROFILE_SD_M = 0.005
+"""What the profile's heights are off together, 1 σ, beside what each states."""

@@ -22,6 +22,7 @@ import numpy as np
 from messages.arrays import FloatArray
 from perception.gait.trail import PERIOD_NS
 from perception.gait.watch import GaitWatch, NextContact
+from perception.terrain.path_ahead import PathAhead
 
 
 class Landing(NamedTuple):
@@ -73,6 +74,15 @@ def next_landing(gait: GaitWatch, t_ns: int, heading_rad: float, left: bool, mid
         time_sd_s=time_sd_s,
         step_m=step_m,
     )
+
+
+def off_edges(landing: Landing, path: PathAhead) -> Landing:
+    """Return a landing as far from the edges of `path` as feet are put: half a foot, or in the middle of a tread."""
+    borders_m = [edge.distance_m - landing.left_m * math.tan(edge.yaw_rad) for edge in path.edges]
+    before_m = max((at for at in borders_m if at <= landing.ahead_m), default=-math.inf)
+    behind_m = min((at for at in borders_m if at > landing.ahead_m), default=math.inf)
+    off_m = min(_HALF_FOOT_M, 0.5 * (behind_m - before_m))
+    return landing._replace(ahead_m=min(max(landing.ahead_m, before_m + off_m), behind_m - off_m))
 
 
 class _Way(NamedTuple):
@@ -140,6 +150,7 @@ def _terms(tau_s: float) -> FloatArray:
 
 
 _ROW_S = 1e-9 * PERIOD_NS
+_HALF_FOOT_M = 0.10
 _WINDOW_STEPS, _LEAST_STEPS = 2.2, 1.5
 _LASTS_S = 0.5
 _LEAST_SPEED_MPS = 0.25

@@ -28,6 +28,8 @@ class HipTrail:
         self._t0_ns = 0
         self._p_W_m = np.zeros(2)
         self._v_W_mps = np.zeros(2)
+        self._height_m = 0.0
+        self._rise_mps = 0.0
 
     def clear(self) -> None:
         """Forget everything: the heading of what comes may be another one."""
@@ -62,6 +64,11 @@ class HipTrail:
     def index(self, t_ns: float) -> float:
         """Return the number of the row at `t_ns`."""
         return (t_ns - self._t0_ns) / PERIOD_NS
+
+    def height_at_m(self, t_ns: int) -> float:
+        """Return how far the left optical centre is, just after the newest row, above where the trail began."""
+        since_s = 1e-9 * (t_ns - (self.newest_ns or t_ns))
+        return self._height_m + since_s * self._rise_mps
 
     @property
     def count(self) -> int:
@@ -106,7 +113,8 @@ class HipTrail:
         v_W = np.array(attitude.v_W_mps) + np.array(_cross(w_W.tolist(), (R_WB @ self._p_BC_m).tolist()))
         if self._count:
             self._p_W_m = self._p_W_m + 0.5e-9 * PERIOD_NS * (self._v_W_mps + v_W[:2])
-        self._v_W_mps = v_W[:2]
+            self._height_m += 0.5e-9 * PERIOD_NS * (self._rise_mps + float(v_W[2]))
+        self._v_W_mps, self._rise_mps = v_W[:2], float(v_W[2])
         row = self._rows[self._count % self.length]
         row[0:2], row[2], row[3:5], row[5:8] = self._p_W_m, attitude.v_W_mps[2], v_W[:2], w_W
         self._count += 1

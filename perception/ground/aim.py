@@ -6,8 +6,8 @@ it, lower by r, is seen from
 
     u_s = d (h + r) / h                                                                                        (1)
 
-on. On a surface without a border between, the region stays where the camera measures best. Feet are put on treads, not
-across edges: a place that is nearer to an edge than half a foot is moved off it.
+on. Where no border is near, it is no farther than the settings have it: the nearer the ground, the better it is
+measured.
 """
 
 import math
@@ -34,12 +34,10 @@ class View:
 
 @dataclass(frozen=True)
 class Aim:
-    """The region to measure, or the `reason` why the surface under the foothold cannot be; the foot lands `ahead_m`
-    along x of H and `left_m` along y. Where it is `passed` the picture does not reach down to it any more."""
+    """The region to measure, or the `reason` why the surface under the foothold cannot be. Where it is `passed` the
+    picture does not reach down to it any more."""
 
     region: FootholdRegion
-    ahead_m: float
-    left_m: float
     reason: Reason = Reason.NONE
     passed: bool = False
 
@@ -52,12 +50,9 @@ def aimed(settings: FootholdSettings, place_m: tuple[float, float] | None, path:
     borders_m = path.borders_m(aside_m)
     before_m = max((at for at in borders_m if at <= ahead_m), default=-math.inf)
     behind_m = min((at for at in borders_m if at > ahead_m), default=math.inf)
-    half_foot_m = min(_HALF_FOOT_M, 0.5 * (behind_m - before_m))
-    if place_m is not None:
-        ahead_m = min(max(ahead_m, before_m + half_foot_m), behind_m - half_foot_m)
     bounded = before_m > min(ahead_m, fixed.ahead_m) - _NEAR_BORDER_M or behind_m < ahead_m + _NEAR_BORDER_M
     from_m, to_m = before_m + _BESIDE_BORDER_M, behind_m - _BESIDE_BORDER_M
-    place = Aim(replace(fixed, ahead_m=ahead_m, left_m=aside_m), ahead_m, left_m)
+    place = Aim(replace(fixed, ahead_m=ahead_m, left_m=aside_m))
     lip = path.edge_at(before_m, aside_m)
     if lip is not None and lip.rise_m < 0.0:
         above_m = path.height_before(before_m, view.height_m)
@@ -77,7 +72,7 @@ def aimed(settings: FootholdSettings, place_m: tuple[float, float] | None, path:
     half_m = _HALF_OF_TREAD_M if bounded else fixed.half_length_m
     best_m = ahead_m
     if not bounded:
-        best_m = min(max(ahead_m, view.nearest_m + half_m), _BEST_M)
+        best_m = min(max(ahead_m, view.nearest_m + half_m), fixed.ahead_m)
     middle_m = min(max(best_m, from_m + half_m), max(to_m - half_m, from_m + half_m))
     begin_m, end_m = max(middle_m - half_m, from_m), min(middle_m + half_m, to_m)
     region = replace(
@@ -100,12 +95,10 @@ def view_of(camera: DisparityCamera, R_HC: FloatArray, height_m: float) -> View:
     return View(height_m, float(nearest_m) + _BESIDE_PICTURE_M, float(farthest_m))
 
 
-_HALF_FOOT_M = 0.10
 _MOST_ASIDE_M = 0.15
 _BESIDE_BORDER_M = 0.03
 _BESIDE_SHADOW_M = 0.03
 _LEAST_LENGTH_M = 0.09
-_BEST_M = 0.9
 _NEAR_BORDER_M = 0.45
 _HALF_OF_TREAD_M = 0.17
 _BESIDE_PICTURE_M = 0.02
