@@ -22,10 +22,10 @@ import numpy as np
 
 from daemon.pipeline import Pipeline
 from lab.baselines.terrain_peers import ColumnMedians, PublishedPlane
-from lab.evaluation.terrain_said import KINDS, TerrainEstimator, TerrainSaid
+from lab.evaluation.terrain_said import KINDS, Foothold, TerrainEstimator, TerrainSaid
 from lab.evaluation.terrain_said import Terrain as Said
 from lab.evaluation.terrain_score import EdgeCounts, JudgedFrame, WalkScore, mean_recall, score
-from messages import Calibration, Input, Status, Terrain
+from messages import Calibration, GroundPlane, Input, NextFoothold, Side, Status, Terrain, full_matrix
 from messages.constants import NORMAL_95
 from perception.ground.foothold import FootholdSettings
 from sim_rig.walk.terrain_walks import STANDING_S, terrain_walk
@@ -35,17 +35,52 @@ START_NS = 10_000_000_000
 SETTLED_NS = round(1e9 * STANDING_S)
 
 
+SIDE = Side.RIGHT
+"""The prosthetic side: only its footholds are said, and judged."""
+
+
 class Published:
-    """What the service publishes on the topic `terrain`."""
+    """What the service publishes on the topic `terrain`, and of a frame's ground, where no landing is predicted."""
 
     def __init__(self, calibration: Calibration) -> None:
-        self._pipeline = Pipeline(calibration, FootholdSettings())
+        self._pipeline = Pipeline(calibration, FootholdSettings(side=SIDE))
+        self._ground: GroundPlane | None = None
 
     def step(self, message: Input) -> Iterable[TerrainSaid]:
         """Take one input and yield the valid terrain that it completes."""
         for estimate in self._pipeline.step(message):
-            if isinstance(estimate, Terrain) and estimate.status is Status.VALID:
-                yield Said(estimate.t_exposure_ns, estimate.kind.value, estimate.edges)
+            if isinstance(estimate, GroundPlane):
+                self._ground = estimate
+            if isinstance(estimate, Terrain) and estimate.status is Status.VALID and self._ground is not None:
+                foothold = _foothold(estimate.foothold, self._ground)
+                yield Said(estimate.t_exposure_ns, estimate.kind.value, estimate.edges, foothold)
+
+
+def _foothold(told: NextFoothold, ground: GroundPlane) -> Foothold | None:
+    """Return what is said of the ground under the foot that lands next, or in the measured region where none is known.
+
+    The message tells the height of the plane below the camera, the judge asks for that where the foot lands.
+    """
+    landing = math.isfinite(told.ahead_m)
+    if not landing and ground.status is not Status.VALID:
+        return None
+    if landing and not math.isfinite(told.height_m):
+        ground = msgspec.structs.replace(ground, height_m=math.nan)
+    ahead_m, left_m = (told.ahead_m, told.left_m) if landing else (ground.ahead_m, ground.left_m)
+    place = np.array([-ahead_m, -left_m, 1.0])
+    cov = full_matrix(ground.covariance)
+    slopes = np.array([math.tan(ground.slope_sagittal_rad), math.tan(ground.slope_frontal_rad), ground.height_m])
+    return Foothold(
+        ahead_m=ahead_m,
+        left_m=left_m,
+        height_m=float(place @ slopes),
+        height_sd_m=math.sqrt(max(float(place @ cov @ place), 0.0)) if ground.status is Status.VALID else math.nan,
+        slope_sagittal_rad=ground.slope_sagittal_rad,
+        slope_sagittal_sd_rad=math.sqrt(cov[0, 0]),
+        slope_frontal_rad=ground.slope_frontal_rad,
+        slope_frontal_sd_rad=math.sqrt(cov[1, 1]),
+        time_to_contact_s=told.time_to_contact_s,
+    )
 
 
 ESTIMATORS: dict[str, Callable[[Calibration], TerrainEstimator]] = {
@@ -81,7 +116,7 @@ def walked(task: tuple[int, Sequence[str]]) -> list[Walked]:
         header = getattr(message, "header", None)
         if header is not None and header.t_exposure_ns >= START_NS + SETTLED_NS:
             stamps_ns.append(header.t_exposure_ns)
-    truths = [wearer.terrain(t_ns) for t_ns in stamps_ns]
+    truths = [wearer.terrain(t_ns, SIDE) for t_ns in stamps_ns]
     found = []
     for name in names:
         frames = []
@@ -123,6 +158,7 @@ def report(walks: Sequence[Walked]) -> None:
     ):
         print(f"{what:36} {_errors([1e3 * e for s in scores for e in getattr(s, name)], 'mm')}")
     print(f"{'time of contact 250 ms before':36} {_errors([1e3 * e for s in scores for e in s.landing_s], 'ms')}")
+    print(f"{'landings said':36} {sum(len(s.landing_s) for s in scores)} of {sum(s.landings for s in scores)}")
     bounds = sum(s.bounds for s in scores)
     print(f"bounds of drops {bounds}, of which hold {sum(s.bounds_hold for s in scores) / max(1, bounds):.1%}")
     print(_heights(scores))

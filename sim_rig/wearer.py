@@ -10,7 +10,7 @@ import numpy as np
 from drivers.camera.frame_pool import FramePair
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.settings import Mpu6050Settings
-from messages import TOPICS, Calibration, Frame, GroundPlane, GroundTruth, ImuSample, StereoFrame, Tick
+from messages import TOPICS, Calibration, Frame, GroundPlane, GroundTruth, ImuSample, Side, StereoFrame, Tick
 from sim_rig.camera.rendered_frames import RenderedFrames, Scene
 from sim_rig.camera.renderer import Effects
 from sim_rig.camera.rig_camera import RigCamera
@@ -151,9 +151,13 @@ class SimulatedWearer:
         """
         return self._truth.next_foothold(self.shutter.true_of(t_exposure_ns))
 
-    def terrain(self, t_exposure_ns: int) -> TerrainTruth:
-        """Return the truth about the ground ahead of the frame whose header says `t_exposure_ns`."""
-        return self._terrain_truth().at(self.shutter.true_of(t_exposure_ns), t_exposure_ns)
+    def terrain(self, t_exposure_ns: int, side: Side | None = None) -> TerrainTruth:
+        """Return the truth about the ground ahead of the frame whose header says `t_exposure_ns`.
+
+        The foothold is the next one, or the next one of a `side`.
+        """
+        left = None if side is None else side is Side.LEFT
+        return self._terrain_truth().at(self.shutter.true_of(t_exposure_ns), t_exposure_ns, left)
 
     def obstacles(self, t_exposure_ns: int, half_width_m: float = 0.25) -> list[ObstacleTruth]:
         """Return the things on the path of the frame whose header says `t_exposure_ns`, by distance."""

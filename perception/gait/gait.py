@@ -69,6 +69,8 @@ class Gait:
 
     def with_foothold(self, terrain: Terrain, steps: NextSteps, ground: GroundPlane, path: PathAhead) -> Terrain:
         """Return `terrain` with the foothold of the same frame, where it is valid."""
+        if steps.prosthetic is not None and not _is_under(ground, steps.prosthetic, path):
+            ground = msgspec.structs.replace(ground, status=Status.INVALID)
         level_m = self._watch.trail.height_at_m(ground.t_exposure_ns)
         height = _height_on(ground, steps.prosthetic, level_m)
         self._stance.add(self.side, steps.prosthetic, height)
@@ -78,6 +80,12 @@ class Gait:
             return terrain
         foothold = _foothold(self.side, steps.prosthetic, ground, self._stance.rise_to(height))
         return msgspec.structs.replace(terrain, foothold=foothold)
+
+
+def _is_under(ground: GroundPlane, landing: Landing, path: PathAhead) -> bool:
+    """Return whether the plane that was measured is seen to be that of the place where a foot lands."""
+    near = abs(landing.ahead_m - ground.ahead_m) < _BESIDE_M
+    return near or path.is_one_surface(ground.ahead_m, landing.ahead_m, landing.left_m)
 
 
 def _height_on(ground: GroundPlane, landing: Landing | None, level_m: float) -> GroundHeight | None:
@@ -133,5 +141,6 @@ def _foothold(side: Side, landing: Landing | None, ground: GroundPlane, rise: tu
     )
 
 
+_BESIDE_M = 0.15
 _PROFILE_SD_M = 0.005
 """What the profile's heights are off together, 1 σ, beside what each states."""

@@ -20,6 +20,12 @@ class PathAhead:
         near = [s for s in self.surfaces if s.from_m - _NEARLY_M <= u_m <= s.to_m + _NEARLY_M]
         return min(near, key=lambda s: max(s.from_m - u_m, u_m - s.to_m), default=None)
 
+    def is_one_surface(self, from_m: float, to_m: float, left_m: float) -> bool:
+        """Return whether one surface is seen to reach from one place to another, x of H where y is `left_m`."""
+        across_m = left_m * math.tan(self.yaw_rad)
+        surface = self.surface_at(from_m + across_m)
+        return surface is not None and surface is self.surface_at(to_m + across_m)
+
     def edge_at(self, x_m: float, left_m: float) -> Edge | None:
         """Return the edge that is at `x_m` where y is `left_m`; None for a bend, or nothing."""
         here = [edge for edge in self.edges if edge.distance_m - left_m * math.tan(edge.yaw_rad) == x_m]

@@ -56,9 +56,15 @@ class Footholds:
         x_m: FloatArray = self._meant_m[:, 0]
         return x_m
 
-    def next_after(self, t_ns: int) -> Foothold | None:
-        """Return the first landing after `t_ns`, or None for a wearer who never walks."""
-        return self._landing(self._landed_by(t_ns))
+    def next_after(self, t_ns: int, left: bool | None = None) -> Foothold | None:
+        """Return the first landing after `t_ns`, of the left or the right foot where one is named; None for a wearer
+        who never walks."""
+        number = self._landed_by(t_ns)
+        landing = self._landing(number)
+        while landing is not None and left is not None and landing.left != left:
+            number += 1
+            landing = self._landing(number)
+        return landing
 
     def last_before(self, t_ns: int) -> Foothold | None:
         """Return the last landing up to `t_ns`, where that foot still stands; None before the first step."""

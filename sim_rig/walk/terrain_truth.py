@@ -108,10 +108,13 @@ class TerrainTruthSource:
         self._footholds = TruthSource(X_BE, axis_E, scenario.world, walker.gait, footholds)
         self._feet = Feet(footholds, walker.gait.start_ns, scenario.course_rad)
 
-    def at(self, t_ns: int, stamp_ns: int) -> TerrainTruth:
-        """Return the truth at the true instant `t_ns`, under the name `stamp_ns` that the frame goes by."""
+    def at(self, t_ns: int, stamp_ns: int, left: bool | None = None) -> TerrainTruth:
+        """Return the truth at the true instant `t_ns`, under the name `stamp_ns` that the frame goes by.
+
+        The foothold is that of the left or the right foot where one is named.
+        """
         eye = self._eye(t_ns)
-        foothold = self._footholds.next_foothold(t_ns)
+        foothold = self._footholds.next_foothold(t_ns, left)
         return TerrainTruth(
             t_exposure_ns=stamp_ns,
             t_true_ns=t_ns,

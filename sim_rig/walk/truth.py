@@ -83,9 +83,10 @@ class TruthSource:
             standing=bool(motion.standing[0]),
         )
 
-    def next_foothold(self, t_ns: int) -> FootholdTruth | None:
-        """Return the next landing after the true instant `t_ns`, or None for a wearer who never walks."""
-        landing, stance = self._footholds.next_after(t_ns), self._footholds.last_before(t_ns)
+    def next_foothold(self, t_ns: int, left: bool | None = None) -> FootholdTruth | None:
+        """Return the next landing after the true instant `t_ns`, of the left or the right foot where one is named, or
+        None for a wearer who never walks."""
+        landing, stance = self._footholds.next_after(t_ns, left), self._footholds.last_before(t_ns)
         if landing is None:
             return None
         p_WE, (cos_heading, sin_heading) = self._origin_and_heading(self._gait.at(np.array([t_ns])))
