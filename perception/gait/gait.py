@@ -45,6 +45,7 @@ class Gait:
         self._middle_left_m = 0.5 * camera.X_RL.p_m[0] if isinstance(camera, StereoCalibration) else 0.0
         self._watch = GaitWatch(np.array(calibration.X_BE.p_m))
         self._stance = StanceGround()
+        self._bend, self._bend_ns = 0.0, 0
         self.side = side
 
     def add_ankle(self, state: AnkleState) -> None:
@@ -71,6 +72,7 @@ class Gait:
         """Return `terrain` with the foothold of the same frame, where it is valid."""
         if steps.prosthetic is not None and not _is_under(ground, steps.prosthetic, path):
             ground = msgspec.structs.replace(ground, status=Status.INVALID)
+        bend = self._bend_under(steps.prosthetic, ground.t_exposure_ns, path)
         level_m = self._watch.trail.height_at_m(ground.t_exposure_ns)
         height = _height_on(ground, steps.prosthetic, level_m)
         self._stance.add(self.side, steps.prosthetic, height)
@@ -78,8 +80,16 @@ class Gait:
         self._stance.add(other, steps.other, _height_of(path, steps.other, level_m))
         if terrain.status is not Status.VALID:
             return terrain
-        foothold = _foothold(self.side, steps.prosthetic, ground, self._stance.rise_to(height))
+        foothold = _foothold(self.side, steps.prosthetic, ground, bend, self._stance.rise_to(height))
         return msgspec.structs.replace(terrain, foothold=foothold)
+
+    def _bend_under(self, landing: Landing | None, t_ns: int, path: PathAhead) -> float:
+        """Return the largest change of the slope that was seen beside the foothold of late: how near it is, no frame
+        tells well."""
+        found = 0.0 if landing is None else path.bend_near(landing.ahead_m, landing.left_m)
+        if found > self._bend or t_ns - self._bend_ns > _BEND_LASTS_NS:
+            self._bend, self._bend_ns = found, t_ns
+        return self._bend
 
 
 def _is_under(ground: GroundPlane, landing: Landing, path: PathAhead) -> bool:
@@ -109,8 +119,12 @@ def _height_of(path: PathAhead, landing: Landing | None, level_m: float) -> Grou
     return GroundHeight(level_m + surface.at(u_m), math.hypot(surface.sd_at(u_m), _PROFILE_SD_M))
 
 
-def _foothold(side: Side, landing: Landing | None, ground: GroundPlane, rise: tuple[float, float]) -> NextFoothold:
+def _foothold(
+    side: Side, landing: Landing | None, ground: GroundPlane, bend: float, rise: tuple[float, float]
+) -> NextFoothold:
     """Return the foothold of a `landing` on the `ground` of the same frame; `rise`, m, comes with its deviation.
+
+    Beside a `bend`, a change of the slope, the slope is as uncertain as that.
 
     Without a landing nothing of it is known, without valid ground nothing of that.
     """
@@ -131,7 +145,7 @@ def _foothold(side: Side, landing: Landing | None, ground: GroundPlane, rise: tu
     return msgspec.structs.replace(
         place,
         slope_sagittal_rad=ground.slope_sagittal_rad,
-        slope_sagittal_sd_rad=slope_sagittal_sd_rad,
+        slope_sagittal_sd_rad=math.hypot(slope_sagittal_sd_rad, 0.5 * bend),
         slope_frontal_rad=ground.slope_frontal_rad,
         slope_frontal_sd_rad=slope_frontal_sd_rad,
         height_m=ground.height_m,
@@ -142,5 +156,6 @@ def _foothold(side: Side, landing: Landing | None, ground: GroundPlane, rise: tu
 
 
 _BESIDE_M = 0.15
+_BEND_LASTS_NS = 600_000_000
 _PROFILE_SD_M = 0.005
 """What the profile's heights are off together, 1 σ, beside what each states."""

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from perception.terrain.edges import Edge
 from perception.terrain.surfaces import Surface
@@ -24,7 +25,22 @@ class PathAhead:
         """Return whether one surface is seen to reach from one place to another, x of H where y is `left_m`."""
         across_m = left_m * math.tan(self.yaw_rad)
         surface = self.surface_at(from_m + across_m)
-        return surface is not None and surface is self.surface_at(to_m + across_m)
+        if surface is None or surface is not self.surface_at(to_m + across_m):
+            return False
+        return to_m + across_m < surface.to_m - _BESIDE_END_M
+
+    def bend_near(self, x_m: float, left_m: float) -> float:
+        """Return by how much the slope changes within `_BEND_REACH_M` of a place; 0 where it does not."""
+        u_m = x_m + left_m * math.tan(self.yaw_rad)
+        return max((abs(change) for at_m, change in self._bends() if abs(at_m - u_m) < _BEND_REACH_M), default=0.0)
+
+    def _bends(self) -> list[tuple[float, float]]:
+        """Return where along u the slope changes, and by how much."""
+        return [
+            (0.5 * (one.to_m + other.from_m), other.slope - one.slope)
+            for one, other in pairwise(self.surfaces)
+            if abs(other.slope - one.slope) > _BEND and other.from_m - one.to_m < _NEARLY_M
+        ]
 
     def edge_at(self, x_m: float, left_m: float) -> Edge | None:
         """Return the edge that is at `x_m` where y is `left_m`; None for a bend, or nothing."""
@@ -40,11 +56,7 @@ class PathAhead:
         """Return x of what separates surfaces at y = `left_m`, in order: edges, and where the slope changes."""
         edges = [edge.distance_m - left_m * math.tan(edge.yaw_rad) for edge in self.edges]
         across_m = left_m * math.tan(self.yaw_rad)
-        bends = [
-            0.5 * (one.to_m + other.from_m) - across_m
-            for one, other in zip(self.surfaces, self.surfaces[1:], strict=False)
-            if abs(other.slope - one.slope) > _BEND and other.from_m - one.to_m < _NEARLY_M
-        ]
+        bends = [at_m - across_m for at_m, _ in self._bends()]
         return sorted(edges + [bend for bend in bends if all(abs(bend - edge) > _SAME_M for edge in edges)])
 
 
@@ -61,4 +73,6 @@ def moved(surface: Surface, ahead_m: float, up_m: float) -> Surface:
 
 _NEARLY_M = 0.06
 _BEND = 0.035
+_BEND_REACH_M = 0.3
+_BESIDE_END_M = 0.05
 _SAME_M = 0.12
