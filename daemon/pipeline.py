@@ -9,8 +9,8 @@ from daemon.config import parse_configuration
 from daemon.health import HealthMonitor
 from messages import (
     TOPICS,
-    Attitude,
     AnkleState,
+    Attitude,
     Estimate,
     Frame,
     FrameHeader,

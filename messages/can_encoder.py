@@ -149,9 +149,10 @@ def _plane_numbers(plane: GroundPlane | PropagatedGround) -> dict[str, float | N
 
 def _foothold_content(terrain: Terrain) -> _Content:
     found = terrain.foothold
-    numbers = {name: getattr(found, name) for name in _FOOTHOLD_NUMBERS}
-    if all(map(math.isnan, numbers.values())):
-        numbers = dict.fromkeys(numbers)
+    numbers: dict[str, float | None] = {name: getattr(found, name) for name in _FOOTHOLD_NUMBERS}
+    for unknown in (_FOOTHOLD_NUMBERS, _RISE_NUMBERS):
+        if all(math.isnan(getattr(found, name)) for name in unknown):
+            numbers |= dict.fromkeys(unknown)
     return _Content(terrain.status, terrain.reason, numbers, {"side": found.side}, {})
 
 
@@ -198,6 +199,7 @@ _FOOTHOLD_NUMBERS = tuple(
     for name, unit in (("ahead", "_m"), ("left", "_m"), ("time_to_contact", "_s"), ("rise", "_m"))
     for deviation in ("", "_sd")
 )
+_RISE_NUMBERS = ("rise_m", "rise_sd_m")
 _EDGE_NUMBERS = ("distance_m", "distance_sd_m", "rise_m", "rise_sd_m")
 _OBSTACLE_NUMBERS = ("distance_m", "left_m")
 _TERRAIN_NUMBERS = tuple(f"edge_{name}" for name in _EDGE_NUMBERS) + tuple(

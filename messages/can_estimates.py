@@ -56,7 +56,10 @@ class ReceivedPropagatedGround(CanEstimate, frozen=True, kw_only=True):
 
 
 class ReceivedFoothold(CanEstimate, frozen=True, kw_only=True):
-    """`messages.NextFoothold` as FOOTHOLD and FOOTHOLD_QUALITY told it; slopes and height there are the ground's."""
+    """`messages.NextFoothold` as FOOTHOLD and FOOTHOLD_QUALITY told it; slopes and height there are the ground's.
+
+    The rise is NaN where the ground there, or that below the stance foot, is not known.
+    """
 
     t_exposure_ns: int
     side: Side
@@ -144,7 +147,7 @@ def _propagated_ground(told: Told) -> ReceivedPropagatedGround | None:
 
 
 def _foothold(told: Told) -> ReceivedFoothold | None:
-    if told.lacks or told.words["side"] == RESERVED:
+    if {*told.lacks} not in (set(), {"rise_m", "rise_sd_m"}) or told.words["side"] == RESERVED:
         return None
     return told.converted(ReceivedFoothold, t_exposure_ns=told.t_ns)
 

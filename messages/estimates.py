@@ -135,6 +135,7 @@ class GroundPlane(msgspec.Struct, frozen=True, kw_only=True):
             ahead_m=self.ahead_m,
             calibration_id=self.calibration_id,
             matched_share=self.matched_share,
+            left_m=self.left_m,
         )
 
 

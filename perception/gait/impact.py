@@ -44,12 +44,14 @@ class StrikeDelay:
         self._steps += 1
         self._mean = self._mean + (jerk - self._mean) / min(self._steps, _MOST_STEPS)
         smooth = np.convolve(self._mean, (0.25, 0.5, 0.25), "same")
-        quiet, peak = float(np.median(smooth[:_QUIET])), float(smooth.max())
-        if self._steps >= self.least_steps and peak > _CLEAR * quiet:
+        quiet, strike = float(np.median(smooth[:_QUIET])), smooth[_EARLIEST:]
+        peak = float(strike.max())
+        if self._steps >= self.least_steps and peak > max(_CLEAR * quiet, _LEAST_JERK_MPS):
             onset = quiet + _ONSET * (peak - quiet)
-            first = int(np.argmax(smooth > onset))
-            back = (smooth[first] - onset) / (smooth[first] - smooth[first - 1])
-            self.rows, self.sigma = float(first - back - _BEFORE - _JERK_AFTER), self.known_rows
+            first = _EARLIEST + int(np.argmax(strike > onset))
+            rises = float(smooth[first] - smooth[first - 1])
+            back = (float(smooth[first]) - onset) / rises if rises > 0.0 else 0.0
+            self.rows, self.sigma = first - min(back, 1.0) - _BEFORE - _JERK_AFTER, self.known_rows
 
     def told(self, rows: float) -> None:
         """Take a strike that the ankle told, `rows` after the hip was lowest."""
@@ -58,9 +60,11 @@ class StrikeDelay:
 
 
 _BEFORE, _AFTER = 12, 14
-_QUIET = 6
+_QUIET, _EARLIEST = 6, 8
 _MOST_STEPS = 12
 _CLEAR = 4.0
+_LEAST_JERK_MPS = 0.006
+"""Change from row to row of the change of the acceleration: 20 times what a smooth bob has."""
 _ONSET = 0.25
 _JERK_AFTER = 0.5  # a third difference stands for half a row before its place here, and rises within a row
 _TOLD_FOLLOWS = 0.3

@@ -62,7 +62,7 @@ def aimed(settings: FootholdSettings, place_m: tuple[float, float] | None, path:
     if bounded:
         surface = path.surface_at(ahead_m + aside_m * math.tan(path.yaw_rad))
         if surface is None:
-            return replace(place, reason=Reason.FOOTHOLD_OUT_OF_VIEW)
+            return replace(place, reason=Reason.FOOTHOLD_OUT_OF_VIEW, passed=ahead_m < view.nearest_m)
         from_m, to_m = max(from_m, surface.from_m), min(to_m, surface.to_m)
     elif place_m is None:
         return replace(place, region=fixed)

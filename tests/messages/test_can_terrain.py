@@ -2,6 +2,7 @@
 
 import math
 
+import msgspec
 import pytest
 
 from messages import NextFoothold, Reason, Refusal, Side, Source, Terrain, TerrainKind
@@ -71,6 +72,16 @@ def test_a_path_with_nothing_on_it_is_told_as_such() -> None:
     assert isinstance(seen, ReceivedTerrain)
     assert (seen.edge, seen.edges_ahead, seen.obstacles_ahead) == (None, 0, 0)
     assert math.isnan(seen.obstacle_distance_m)
+
+
+def test_a_foothold_whose_rise_is_not_known_is_taken_without_it() -> None:
+    sample = terrain()
+    unknown = msgspec.structs.replace(sample.foothold, rise_m=math.nan, rise_sd_m=math.nan)
+    _, foothold, _ = Node().exchange(msgspec.structs.replace(sample, foothold=unknown))
+    assert isinstance(foothold, ReceivedFoothold)
+    assert foothold.ahead_m == pytest.approx(0.62)
+    assert math.isnan(foothold.rise_m)
+    assert math.isnan(foothold.rise_sd_m)
 
 
 def test_while_the_next_step_is_not_known_the_foothold_alone_is_refused() -> None:

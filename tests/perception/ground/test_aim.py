@@ -1,0 +1,151 @@
+"""The region follows the foothold within the surface that carries it; what cannot be seen is said."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages import Reason
+from perception.ground.aim import View, aimed
+from perception.ground.foothold import FootholdSettings
+from perception.ground.plane import Plane
+from perception.ground.surface_change import SurfaceChange, plane_under
+from perception.ground.tracking import PlaneTracker, TrackingSettings
+from perception.terrain.edges import Edge
+from perception.terrain.path_ahead import PathAhead, moved
+from perception.terrain.surfaces import Surface
+
+SETTINGS = FootholdSettings()
+VIEW = View(0.95, 0.30, 3.0)
+
+
+def edge(distance_m: float, rise_m: float, *, yaw_rad: float = 0.0, bound_only: bool = False) -> Edge:
+    return Edge(distance_m, 0.005, rise_m, 0.003, yaw_rad, 0.01, bound_only)
+
+
+def flat(from_m: float, to_m: float, z_m: float, slope: float = 0.0) -> Surface:
+    return Surface(from_m, to_m, 0.5 * (from_m + to_m), z_m, slope, 0.002, 0.005)
+
+
+def flight(rise_m: float, first_m: float = 0.55, tread_m: float = 0.28, shadow_m: float = 0.0) -> PathAhead:
+    """Four steps; behind a falling lip the first `shadow_m` of each tread are hidden."""
+    edges = tuple(edge(first_m + k * tread_m, rise_m) for k in range(4))
+    treads = tuple(
+        flat(first_m + (k - 1) * tread_m + (shadow_m if k else 0.0), first_m + k * tread_m, -0.95 + k * rise_m)
+        for k in range(5)
+    )
+    return PathAhead(edges, treads)
+
+
+def test_without_a_foothold_and_edges_the_region_is_the_settings_own() -> None:
+    assert aimed(SETTINGS, None, PathAhead(), VIEW).region == SETTINGS.region
+
+
+def test_on_clear_ground_the_region_stays_where_the_ground_is_measured_best() -> None:
+    for ahead_m in (0.35, 0.8, 1.6):
+        region = aimed(SETTINGS, (ahead_m, -0.1), PathAhead(surfaces=(flat(0.3, 2.6, -0.95),)), VIEW).region
+        assert region.half_length_m == pytest.approx(0.3)
+        assert 0.6 - 1e-9 <= region.ahead_m <= 0.7
+        assert region.left_m == -0.1
+        assert not region.bounded
+
+
+@given(ahead_m=st.floats(0.56, 1.35), rise_m=st.sampled_from((0.17, -0.12)))
+def test_on_stairs_the_region_is_on_one_tread(ahead_m: float, rise_m: float) -> None:
+    path = flight(rise_m, shadow_m=0.08 if rise_m < 0.0 else 0.0)
+    aim = aimed(SETTINGS, (ahead_m, -0.1), path, VIEW)
+    if aim.reason is not Reason.NONE:
+        assert aim.reason in (Reason.OCCLUDED, Reason.FOOTHOLD_OUT_OF_VIEW)
+        return
+    begin_m, end_m = (aim.region.ahead_m + side * aim.region.half_length_m for side in (-1.0, 1.0))
+    assert aim.region.bounded
+    assert not any(begin_m < each.distance_m < end_m for each in path.edges)
+    assert math.floor((aim.region.ahead_m - 0.55) / 0.28) == math.floor((ahead_m - 0.55) / 0.28)
+
+
+def test_what_a_lip_hides_is_occluded() -> None:
+    bound = PathAhead((edge(0.6, -0.1, bound_only=True),), (flat(0.3, 0.6, -0.95), flat(1.1, 2.0, -1.3)))
+    assert aimed(SETTINGS, None, bound, VIEW).reason is Reason.OCCLUDED
+    # seen only from 0.6 (0.95 + 0.17) / 0.95 = 0.71 m on, and the next lip is at 0.84 m
+    steep = PathAhead((edge(0.6, -0.17), edge(0.84, -0.17)), (flat(0.3, 0.6, -0.95), flat(0.72, 0.84, -1.12)))
+    assert aimed(SETTINGS, (0.75, 0.0), steep, VIEW).reason is Reason.OCCLUDED
+    single = PathAhead((edge(0.6, -0.17),), (flat(0.3, 0.6, -0.95), flat(0.72, 2.0, -1.12)))
+    aim = aimed(SETTINGS, (0.75, 0.0), single, VIEW)
+    assert aim.reason is Reason.NONE
+    assert aim.region.ahead_m - aim.region.half_length_m > 0.71
+
+
+def test_a_tread_that_the_picture_does_not_reach_down_to_is_passed() -> None:
+    path = PathAhead((edge(0.08, 0.17), edge(0.36, 0.17)), (flat(0.3, 0.36, -0.78), flat(0.36, 0.64, -0.61)))
+    aim = aimed(SETTINGS, (0.22, -0.1), path, VIEW)
+    assert (aim.reason, aim.passed) == (Reason.FOOTHOLD_OUT_OF_VIEW, True)
+
+
+def test_a_region_turns_with_the_edges_that_bound_it() -> None:
+    path = PathAhead((edge(0.5, 0.17, yaw_rad=0.4), edge(0.85, 0.17, yaw_rad=0.4)), (flat(0.5, 0.85, -0.8),), 0.4)
+    region = aimed(SETTINGS, (0.65, 0.0), path, VIEW).region
+    assert region.yaw_rad == 0.4
+    corners = region.footprint(Plane((0.0, 0.0), 0.8), 0.0)
+    along = corners[:, 0] + corners[:, 1] * math.tan(0.4)
+    assert along.min() > 0.5
+    assert along.max() < 0.85
+
+
+def test_a_region_that_moves_over_a_border_measures_another_surface() -> None:
+    change, path = SurfaceChange(), flight(0.17)
+    first = aimed(SETTINGS, (0.42, 0.0), path, VIEW).region
+    assert not change.has_come(0, first, path)
+    change.move(50_000_000, np.array([0.0, 0.0]))
+    assert not change.has_come(50_000_000, first, path)
+    assert change.has_come(100_000_000, aimed(SETTINGS, (0.7, 0.0), path, VIEW).region, path)
+
+
+def test_ground_that_was_measured_and_is_passed_under_stays_the_same_surface() -> None:
+    change = SurfaceChange()
+    region = aimed(SETTINGS, (0.7, 0.0), flight(0.17), VIEW).region
+    change.has_come(0, region, flight(0.17))
+    change.move(100_000_000, np.array([1.0, 0.0]))
+    nearer = flight(0.17, first_m=0.45)
+    assert not change.has_come(100_000_000, aimed(SETTINGS, (0.6, 0.0), nearer, VIEW).region, nearer)
+
+
+def test_the_plane_under_a_region_is_that_of_the_surface_there() -> None:
+    path = PathAhead(surfaces=(flat(0.3, 0.9, -0.95), flat(0.9, 2.0, -0.9, slope=0.1)))
+    found = plane_under(aimed(SETTINGS, (0.7, 0.0), path, VIEW).region, path)
+    assert found is not None
+    assert found[0].height_m == pytest.approx(0.95)
+    assert np.linalg.eigvalsh(found[1]).min() > 0.0
+    assert plane_under(SETTINGS.region, PathAhead()) is None
+
+
+def test_a_track_goes_on_from_a_known_surface_and_is_carried_where_it_is_not_seen() -> None:
+    tracker, level = PlaneTracker(TrackingSettings()), np.eye(3)
+    tracker.begin(0, Plane((0.1, 0.0), 0.8), np.diag([1e-4, 1e-4, 1e-4]), level, np.zeros((2, 2)))
+    predicted = tracker.predicted(50_000_000, level)
+    assert predicted is not None
+    assert predicted.height_m == pytest.approx(0.8)
+    # the camera goes 0.1 m ahead over ground that rises by 0.01 m there, and 0.02 m up
+    carried = tracker.carried(100_000_000, level, np.array([1.0, 0.0, 0.2]), np.zeros((2, 2)))
+    assert carried is not None
+    assert carried[0].height_m == pytest.approx(0.81)
+    assert carried[1][2, 2] > 1e-4
+    assert tracker.carried(900_000_000, level, np.zeros(3), np.zeros((2, 2))) is None
+    tracker.forget()
+    assert tracker.predicted(100_000_000, level) is None
+
+
+def test_surfaces_move_with_the_camera() -> None:
+    surface = moved(flat(0.5, 1.0, -0.9, slope=0.2), 0.1, 0.03)
+    assert (surface.from_m, surface.to_m) == pytest.approx((0.4, 0.9))
+    assert surface.at(0.65) == pytest.approx(-0.93)
+
+
+def test_bends_bound_surfaces_and_are_told_where_a_foot_lands_beside_them() -> None:
+    path = PathAhead(surfaces=(flat(0.3, 0.9, -0.95), flat(0.9, 2.0, -0.9, slope=0.1)))
+    assert path.borders_m(0.0) == pytest.approx([0.9])
+    assert path.bend_near(0.8, 0.0) == pytest.approx(0.1)
+    assert path.bend_near(0.4, 0.0) == 0.0
+    assert path.is_one_surface(0.4, 0.7, 0.0)
+    assert not path.is_one_surface(0.4, 1.2, 0.0)
