@@ -15,6 +15,7 @@ from messages import (
     Status,
     StereoCalibration,
     Terrain,
+    TerrainKind,
     UnitCalibration,
     full_matrix,
 )
@@ -70,7 +71,7 @@ class Gait:
 
     def with_foothold(self, terrain: Terrain, steps: NextSteps, ground: GroundPlane, path: PathAhead) -> Terrain:
         """Return `terrain` with the foothold of the same frame, where it is valid."""
-        if steps.prosthetic is not None and not _is_under(ground, steps.prosthetic, path):
+        if steps.prosthetic is not None and not _is_under(ground, steps.prosthetic, path, terrain.kind):
             ground = msgspec.structs.replace(ground, status=Status.INVALID)
         bend = self._bend_under(steps.prosthetic, ground.t_exposure_ns, path)
         level_m = self._watch.trail.height_at_m(ground.t_exposure_ns)
@@ -92,10 +93,12 @@ class Gait:
         return self._bend
 
 
-def _is_under(ground: GroundPlane, landing: Landing, path: PathAhead) -> bool:
-    """Return whether the plane that was measured is seen to be that of the place where a foot lands."""
+def _is_under(ground: GroundPlane, landing: Landing, path: PathAhead, kind: TerrainKind) -> bool:
+    """Return whether the plane that was measured is seen to be that of the place where a foot lands; on rough ground
+    no plane reaches far."""
     near = abs(landing.ahead_m - ground.ahead_m) < _BESIDE_M
-    return near or path.is_one_surface(ground.ahead_m, landing.ahead_m, landing.left_m)
+    even = kind is not TerrainKind.ROUGH
+    return near or (even and path.is_one_surface(ground.ahead_m, landing.ahead_m, landing.left_m))
 
 
 def _height_on(ground: GroundPlane, landing: Landing | None, level_m: float) -> GroundHeight | None:

@@ -67,9 +67,17 @@ def next_landing(gait: GaitWatch, t_ns: int, heading_rad: float, left: bool, mid
     sd_ahead_m, sd_left_m = way.sd_m(tau_s)
     return Landing(
         ahead_m=float(c * place_W[0] + s * place_W[1]),
-        ahead_sd_m=math.hypot(sd_ahead_m, speed_mps * time_sd_s, _LEAD_SIGMA * step_m, _SCATTER_AHEAD_M),
+        ahead_sd_m=math.hypot(
+            sd_ahead_m,
+            speed_mps * time_sd_s,
+            _LEAD_SIGMA * step_m,
+            _SCATTER_AHEAD_M,
+            _CHANGE_S2 * float(way.c[0, 2]),
+        ),
         left_m=float(c * place_W[1] - s * place_W[0]) + middle_left_m,
-        left_sd_m=math.hypot(sd_left_m, _SCATTER_ACROSS_M, _HALF_WIDTH_SIGMA_M),
+        left_sd_m=math.hypot(
+            sd_left_m, _SCATTER_ACROSS_M, _HALF_WIDTH_SIGMA_M, _TURN_M_S * way.turn_radps * (1.0 + tau_s)
+        ),
         time_s=tau_s - since_s,
         time_sd_s=time_sd_s,
         step_m=step_m,
@@ -96,15 +104,24 @@ class _Way(NamedTuple):
 
     def at(self, tau_s: float) -> tuple[FloatArray, FloatArray]:
         """Return the place and the velocity in W (2,) each."""
-        gone_m, rate_mps = self.c @ _terms(tau_s), self.c @ np.array([0.0, 1.0, min(tau_s, _LASTS_S)])
+        lasts_s = min(tau_s, self._lasts_s)
+        gone_m, rate_mps = self.c @ _terms(tau_s, lasts_s), self.c @ np.array([0.0, 1.0, lasts_s])
         turned_rad = self.turn_radps * tau_s
         place_m: FloatArray = self.axes @ _turned(0.5 * turned_rad) @ gone_m
         velocity_mps: FloatArray = self.axes @ _turned(turned_rad) @ rate_mps
         return place_m, velocity_mps
 
+    @property
+    def _lasts_s(self) -> float:
+        """Return for how long an acceleration lasts; who slows down does so no further than to a part of the speed."""
+        speed_mps, acceleration_mps2 = float(self.c[0, 1]), float(self.c[0, 2])
+        if acceleration_mps2 >= 0.0:
+            return _LASTS_S
+        return min(_LASTS_S, max(0.0, (1.0 - _LEAST_LEFT) * speed_mps / -acceleration_mps2))
+
     def sd_m(self, tau_s: float) -> tuple[float, float]:
         """Return one σ of the place, ahead and to the left."""
-        terms = _terms(tau_s)
+        terms = _terms(tau_s, min(tau_s, self._lasts_s))
         along, across = (math.sqrt(float(terms @ cov @ terms)) for cov in self.cov)
         return along, across
 
@@ -144,8 +161,7 @@ def _turned(angle_rad: float) -> FloatArray:
     return np.array([[c, -s], [s, c]])
 
 
-def _terms(tau_s: float) -> FloatArray:
-    lasts_s = min(tau_s, _LASTS_S)
+def _terms(tau_s: float, lasts_s: float) -> FloatArray:
     return np.array([1.0, tau_s, 0.5 * lasts_s**2 + lasts_s * (tau_s - lasts_s)])
 
 
@@ -153,6 +169,7 @@ _ROW_S = 1e-9 * PERIOD_NS
 _HALF_FOOT_M = 0.10
 _WINDOW_STEPS, _LEAST_STEPS = 2.2, 1.5
 _LASTS_S = 0.5
+_LEAST_LEFT = 0.5
 _LEAST_SPEED_MPS = 0.25
 _NOISE_M = 0.01
 """What (1) misses of a way, as alike as neighbouring rows are."""
@@ -163,3 +180,5 @@ _PRIOR = np.array([np.diag([0.0, 0.0, *(sigma**-2 for sigma in sigmas)]) for sig
 _HALF_WIDTH_M, _HALF_WIDTH_SIGMA_M = 0.055, 0.012
 _LEAD_SIGMA = 0.03
 _SCATTER_AHEAD_M, _SCATTER_ACROSS_M = 0.025, 0.02
+_CHANGE_S2, _TURN_M_S = 0.06, 0.08
+"""So far off is a foothold, 1 σ, for each m/s² by which the speed changes and each rad/s of a turn: neither lasts."""
