@@ -3,7 +3,7 @@
 import numpy as np
 
 from messages.arrays import BoolArray, FloatArray, IntArray
-from perception.ground.foothold import FootholdSettings
+from perception.ground.region import FootholdRegion
 
 CELL_M = 0.04
 
@@ -11,7 +11,7 @@ CELL_M = 0.04
 class RegionCells:
     """The region's cells: `place` (N,) of each point, `centres` (cells, 2) from the middle of the region."""
 
-    def __init__(self, points_H: FloatArray, region: FootholdSettings) -> None:
+    def __init__(self, points_H: FloatArray, region: FootholdRegion) -> None:
         half_m = np.array([region.half_length_m, region.half_width_m])
         self._shape = np.ceil(2.0 * half_m / CELL_M).astype(np.intp)
         from_corner = points_H[:, :2] - (region.ahead_m, 0.0) + half_m

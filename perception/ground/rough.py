@@ -18,11 +18,11 @@ import numpy as np
 
 from messages.arrays import FloatArray
 from perception.ground.cells import CELL_M, RegionCells
-from perception.ground.foothold import FootholdSettings
+from perception.ground.region import FootholdRegion
 from perception.ground.plane import Plane, PlaneFit
 
 
-def rough_plane(points_H: FloatArray, misfit_per_m: FloatArray, region: FootholdSettings) -> PlaneFit | None:
+def rough_plane(points_H: FloatArray, misfit_per_m: FloatArray, region: FootholdRegion) -> PlaneFit | None:
     """Return the plane of rough ground through points (N, 3) of the `region`; None where that is not what they show.
 
     `misfit_per_m` (N,) is by how many pixels of disparity a point lies off for each metre of height.

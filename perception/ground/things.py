@@ -10,10 +10,10 @@ import numpy as np
 
 from messages.arrays import BoolArray, FloatArray
 from perception.ground.cells import CELL_M, RegionCells
-from perception.ground.foothold import FootholdSettings
+from perception.ground.region import FootholdRegion
 
 
-def is_ground(points_H: FloatArray, rise_m: FloatArray, inlier: BoolArray, region: FootholdSettings) -> BoolArray:
+def is_ground(points_H: FloatArray, rise_m: FloatArray, inlier: BoolArray, region: FootholdRegion) -> BoolArray:
     """Return (N,) which of the points (N, 3) of the `region` may be ground, on the plane or on another surface.
 
     `rise_m` (N,) is how far they lie above the plane, `inlier` (N,) which of them are taken for its own. Those beside
