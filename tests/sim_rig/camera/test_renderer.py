@@ -228,7 +228,7 @@ def test_each_row_is_exposed_at_its_own_time() -> None:
     gait = Gait(world, WALKING, 0.95, 4, 0)
     rolling = Renderer(unit, world, gait, 4, GEOMETRY_ONLY)
     at_once = Renderer(draw_unit(4, rolling_shutter=False), world, gait, 4, GEOMETRY_ONLY)
-    t_ns = 4_130_000_000
+    t_ns = 4_180_000_000
     left, right = render(rolling, t_ns)
     middle, _ = render(at_once, t_ns)
     for row in (40, 200, 500, 700):
