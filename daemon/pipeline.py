@@ -41,8 +41,8 @@ from perception.motion.odometry import Odometry
 from perception.motion.watch import MotionWatch
 from perception.sample_guard import SampleGuard
 from perception.terrain.estimator import TerrainEstimator
-from perception.terrain.surfaces import PathSurfaces
 from perception.terrain.path_ahead import PathAhead
+from perception.terrain.surfaces import PathSurfaces
 
 LONGEST_WAIT_NS = 20_000_000
 """How long after its arrival a frame waits for an IMU sample later than its exposure, told by ticks."""

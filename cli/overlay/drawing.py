@@ -90,9 +90,9 @@ class _Pen:
 
         ends, across = np.array([-1.0, 1.0]), np.ones(2)
         for k in np.linspace(-1.0, 1.0, 5).tolist():
-            x, y = ground.ahead_m + region.half_length_m * ends, region.half_width_m * k * across
+            x, y = ground.ahead_m + region.half_length_m * ends, ground.left_m + region.half_width_m * k * across
             self._line(on_plane(x, y), REGION, 1 + (abs(k) == 1.0))
-            x, y = ground.ahead_m + region.half_length_m * k * across, region.half_width_m * ends
+            x, y = ground.ahead_m + region.half_length_m * k * across, ground.left_m + region.half_width_m * ends
             self._line(on_plane(x, y), REGION, 1 + (abs(k) == 1.0))
 
     def edges(self) -> None:

@@ -9,12 +9,12 @@ CELL_M = 0.04
 
 
 class RegionCells:
-    """The region's cells: `place` (N,) of each point, `centres` (cells, 2) from the middle of the region."""
+    """The region's cells: `place` (N,) of each point, `centres` (cells, 2) along and across it, from its middle."""
 
     def __init__(self, points_H: FloatArray, region: FootholdRegion) -> None:
         half_m = np.array([region.half_length_m, region.half_width_m])
         self._shape = np.ceil(2.0 * half_m / CELL_M).astype(np.intp)
-        from_corner = points_H[:, :2] - (region.ahead_m, 0.0) + half_m
+        from_corner = np.stack((region.along_m(points_H), points_H[:, 1] - region.left_m), axis=-1) + half_m
         row, column = np.clip((from_corner / CELL_M).astype(np.intp), 0, self._shape - 1).T
         self.place: IntArray = row * self._shape[1] + column
         middles = [(np.arange(n) + 0.5) * CELL_M - half for n, half in zip(self._shape, half_m, strict=True)]

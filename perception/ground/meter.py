@@ -131,9 +131,7 @@ class GroundMeter:
         blind = self.camera.blind_share(images, points_C) > self.most_blind_share
         return Reason.OVER_EXPOSED if blind else reason
 
-    def find_repeats(
-        self, images: Sequence[Image], R_HC: FloatArray, region: FootholdRegion, plane: Plane
-    ) -> Repeats:
+    def find_repeats(self, images: Sequence[Image], R_HC: FloatArray, region: FootholdRegion, plane: Plane) -> Repeats:
         """Return the planes as steep as `plane`, in H, that match as well as it where the ground repeats itself."""
         corners_C = region.footprint(plane, 0.0) @ R_HC
         if corners_C[:, 2].min() < _LEAST_DEPTH_M:

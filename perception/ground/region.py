@@ -38,6 +38,11 @@ class FootholdRegion:
         along: FloatArray = points_H[..., 0] - self.ahead_m + across * math.tan(self.yaw_rad)
         return along
 
+    def places(self, along_across_m: FloatArray) -> FloatArray:
+        """Return x and y of H (N, 2) of places (N, 2) given along and across the region from its middle."""
+        along, across = along_across_m.T
+        return np.stack((self.ahead_m + along - across * math.tan(self.yaw_rad), self.left_m + across), axis=-1)
+
     def footprint(self, plane: Plane, margin_m: float) -> FloatArray:
         """Return (8, 3): the region's corners in H on `plane`, raised and lowered by `margin_m`."""
         across = self.half_width_m * np.array([-1.0, 1.0, -1.0, 1.0])

@@ -18,8 +18,8 @@ import numpy as np
 
 from messages.arrays import FloatArray
 from perception.ground.cells import CELL_M, RegionCells
-from perception.ground.region import FootholdRegion
 from perception.ground.plane import Plane, PlaneFit
+from perception.ground.region import FootholdRegion
 
 
 def rough_plane(points_H: FloatArray, misfit_per_m: FloatArray, region: FootholdRegion) -> PlaneFit | None:
@@ -35,7 +35,7 @@ def rough_plane(points_H: FloatArray, misfit_per_m: FloatArray, region: Foothold
     if np.count_nonzero(known) < _LEAST_KNOWN * size:
         return None
     mean_m = np.bincount(cells.place, z_m, minlength=size)[known] / count[known]
-    design = np.column_stack((cells.centres[known] + (region.ahead_m, 0.0), np.ones(np.count_nonzero(known))))
+    design = np.column_stack((region.places(cells.centres[known]), np.ones(np.count_nonzero(known))))
     (a, b, c), *_ = np.linalg.lstsq(design, mean_m)
     off_m = mean_m - design @ (a, b, c)
     rough_m = float(np.sqrt(off_m @ off_m / (len(off_m) - 3)))
@@ -56,7 +56,7 @@ def rough_plane(points_H: FloatArray, misfit_per_m: FloatArray, region: Foothold
     unseen = 1.0 - len(off_m) / size + _SEEN_BADLY
     cov = np.linalg.inv(design.T @ design) * rough_m**2 * unseen * len(off_m) / bumps
     foot = rough_m**2 / bumps / np.array([region.half_length_m, region.half_width_m]) ** 2
-    about = np.array([[1.0, 0.0, -region.ahead_m], [0.0, 1.0, 0.0]])  # the region's middle
+    about = np.array([[1.0, 0.0, -region.ahead_m], [0.0, 1.0, -region.left_m]])  # the region's middle
     cov += about.T @ np.diag(foot) @ about
     cov[2, 2] += rough_m**2
     to_abh = np.diag([1.0, 1.0, -1.0])  # h = −c

@@ -10,7 +10,7 @@ from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import PlaneFit
 from perception.ground.rough import rough_plane
 
-REGION = FootholdSettings()
+REGION = FootholdSettings().region
 X, Y = (grid.ravel() for grid in np.meshgrid(np.arange(0.405, 1.0, 0.01), np.arange(-0.295, 0.3, 0.01)))
 
 

@@ -7,7 +7,7 @@ from messages.arrays import BoolArray, FloatArray
 from perception.ground.foothold import FootholdSettings
 from perception.ground.things import is_ground
 
-REGION = FootholdSettings()
+REGION = FootholdSettings().region
 
 
 def ground() -> FloatArray:
