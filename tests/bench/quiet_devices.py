@@ -35,7 +35,7 @@ class QuietImu:
                     seq=self._seq,
                     t_sample_ns=self._due_ns,
                     t_arrival_ns=time.monotonic_ns(),
-                    sf_B_mps2=(-6.9, 0.0, 6.9),
+                    sf_B_mps2=(-6.9, 0.002 * (self._seq % 2), 6.9),  # no chip is still
                     w_WB_B_radps=(0.0, 0.0, 0.0),
                     temperature_degC=30.0,
                 )
