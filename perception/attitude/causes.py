@@ -80,8 +80,14 @@ def _add(
 
 
 def _doubt_turn(kalman: AttitudeKalman, state: AttitudeState, duration_s: float) -> None:
-    """Let the gyroscope's bias be unknown; and the ground turn, where it would do so faster than biases jump."""
-    settings, P, turn = kalman.settings, state.covariance, state.contradictions.turn
+    """Let the gyroscope's bias be unknown; and the ground turn, where it would do so faster than biases jump.
+
+    A ground that had only just begun to move did not: it was the tilt that the bias has made.
+    """
+    settings, turn = kalman.settings, state.contradictions.turn
+    if state.ground.moves and state.ground.moving_s < settings.camera.ground_doubtful_s:
+        _rest_ground(kalman, state, 0.0, settings.gyro_bias_radps * state.ground.moving_s)
+    P = state.covariance
     P[GYRO_BIAS, GYRO_BIAS] += np.eye(3) * settings.gyro_bias_radps**2
     P[ROTATION, ROTATION] += np.diag((1.0, 1.0, 0.0)) * settings.camera.jump_tilt_rad**2
     rate_radps = turn.total[2] / turn.covariance[2, 2] / duration_s
@@ -113,36 +119,40 @@ def follow_ground(kalman: AttitudeKalman, state: AttitudeState, duration_s: floa
     if not ground.moves:
         return
     _count_reversals(ground, duration_s, settings)
-    calm = math.hypot(*ground.acceleration_W) < settings.ground_at_rest_mps2
+    _smooth(state, duration_s, settings)
+    calm = math.hypot(*ground.smooth_B) < settings.ground_at_rest_mps2
     calm = calm and abs(ground.turn_radps) < settings.ground_at_rest_radps
     ground.calm_s = ground.calm_s + duration_s if calm else 0.0
-    if ground.calm_s > settings.ground_at_rest_s or _is_bias(state, duration_s, settings):
-        _rest_ground(kalman, state)
+    if ground.calm_s > settings.ground_at_rest_s or _is_bias(ground, settings):
+        _rest_ground(kalman, state, math.hypot(*ground.acceleration_W), settings.lean_radps * ground.moving_s)
 
 
-def _is_bias(state: AttitudeState, duration_s: float, settings: CameraStepSettings) -> bool:
-    """Return whether the ground's acceleration has been the same in B for longer, and up to a higher speed, than any
-    vehicle's: the accelerometer's bias has jumped."""
+def _smooth(state: AttitudeState, duration_s: float, settings: CameraStepSettings) -> None:
+    """Smooth the ground's acceleration, in B, and count for how long it has been about the same there."""
     ground, R_WB = state.ground, so3.matrix_from_quaternion(state.q_WB)
     gain = min(1.0, duration_s / settings.ground_smoothing_s)
     ground.smooth_B = vec3.between(ground.smooth_B, to_vec3(R_WB.T @ ground.acceleration_W), gain)
     ground.steady_s += duration_s
     if math.dist(ground.smooth_B, ground.steady_B) > settings.ground_steady_mps2:
         ground.steady_B, ground.steady_s = ground.smooth_B, 0.0
+
+
+def _is_bias(ground: GroundMotion, settings: CameraStepSettings) -> bool:
+    """Return whether the acceleration has been the same in B for longer, and up to a higher speed, than any vehicle's:
+    the accelerometer's bias has jumped."""
     speed_mps = math.hypot(*ground.smooth_B) * ground.steady_s
     return ground.steady_s > settings.ground_steady_s and speed_mps > settings.ground_steady_mps
 
 
-def _rest_ground(kalman: AttitudeKalman, state: AttitudeState) -> None:
-    """Let the ground be at rest: what was taken for its acceleration c was the accelerometer's bias, as large as that
-    may be, and the tilt that steps of the camera have leaned by. By (3) δc = g θ × e_z − R_WB δa."""
+def _rest_ground(kalman: AttitudeKalman, state: AttitudeState, bias_mps2: float, tilt_rad: float) -> None:
+    """Let the ground be at rest: what was taken for its acceleration c was the accelerometer's bias and a tilt, each as
+    large as these, 1 σ. By (3) δc = g θ × e_z − R_WB δa."""
     settings, ground, P = kalman.settings, state.ground, state.covariance
-    bias_mps2, leaning_rad = math.hypot(*ground.acceleration_W), settings.camera.lean_radps * ground.moving_s
     possible = np.zeros((len(P), 6))
     possible[SF_BIAS, :3] = bias_mps2 * np.eye(3)
     possible[GROUND, :3] = -bias_mps2 * so3.matrix_from_quaternion(state.q_WB)
-    possible[ROTATION, 3:] = leaning_rad * np.diag((1.0, 1.0, 0.0))
-    possible[GROUND, 3:] = settings.gravity_mps2 * leaning_rad * CROSS_UP
+    possible[ROTATION, 3:] = tilt_rad * np.diag((1.0, 1.0, 0.0))
+    possible[GROUND, 3:] = settings.gravity_mps2 * tilt_rad * CROSS_UP
     state.covariance = P + possible @ possible.T
     at_rest = np.eye(len(P))[GROUND]
     fuse(state, at_rest, -np.array(ground.acceleration_W), settings.camera.ground_rest_mps2**2 * np.eye(3))

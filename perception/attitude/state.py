@@ -58,6 +58,7 @@ class CameraStepSettings:
     ground_least_mps2: float = 0.3
     ground_jump_mps: float = 0.2  # of velocity, and
     ground_jump_radps: float = math.radians(0.2)  # of the gyroscope's bias, until that was found
+    ground_doubtful_s: float = 2.0  # so long a jump of that bias may have been taken for it
     # It is at rest again once it has moved less than this for so long.
     ground_at_rest_mps2: float = 0.18
     ground_at_rest_radps: float = math.radians(1.0)
