@@ -1,5 +1,6 @@
 """What a consumer hears on Zenoh and on CAN, each value held against the truth as it comes."""
 
+import itertools
 import json
 import time
 from collections import Counter, deque
@@ -20,6 +21,9 @@ from sim_rig.wearer import SimulatedWearer
 
 _NOTHING_OFF = Errors(0.0, 0.0, False)
 _PROMPT_NS = 25_000_000  # without `take` for so long, half a frame, the listener itself was late
+_SAME_BY_NOW_NS = 100_000_000  # so long after CAN the same ground has come on Zenoh too, if it does,
+_AS_ONE_NS = 10_000_000  # exposed within so much: ages on CAN are rounded to a millisecond
+_LAST = 8
 _KEPT = 4096  # messages of each kind: three minutes of grounds
 
 
@@ -68,6 +72,7 @@ class Listener:
         self._receiver = CanReceiver(ReceivedGround, max_age_s=STALE_S, accept_simulated=True)
         self._seqs: deque[int] = deque(maxlen=_KEPT)
         self._waiting: deque[tuple[int, bool, type[msgspec.Struct], bytes]] = deque()
+        self._waiting_on_can: deque[tuple[int, bool, ReceivedGround]] = deque(maxlen=_KEPT)
         self._took_ns = 0
         self.heard = self.held_up = 0
         self.wrong = Wrong()
@@ -97,12 +102,7 @@ class Listener:
         now_ns = time.monotonic_ns()
         received = self._receiver.feed(frame.can_id, frame.data, now_ns)
         if isinstance(received, ReceivedGround):
-            numbers = (received.slope_sagittal_rad, received.slope_frontal_rad, received.height_m)
-            deviations = (received.slope_sagittal_sd_rad, received.slope_frontal_sd_rad, received.height_sd_m)
-            truth = self._wearer.truth(received.t_exposure_ns)
-            errors = ground_errors(numbers, deviations, truth) if self._is_prompt(now_ns) else _NOTHING_OFF
-            self.on_can.append(HeardOnCan(now_ns, errors))
-            self.wrong += Wrong(can=errors.wrong)
+            self._waiting_on_can.append((now_ns, self._is_prompt(now_ns), received))
 
     def take(self) -> None:
         """Judge what has been heard since the last call."""
@@ -116,7 +116,10 @@ class Listener:
                 self._take_attitude(t_ns, decode(payload, Attitude))
             else:
                 self.health = decode(payload, Health)
-        self._took_ns = time.monotonic_ns()
+        now_ns = time.monotonic_ns()
+        while self._waiting_on_can and now_ns - self._waiting_on_can[0][0] > _SAME_BY_NOW_NS:
+            self._take_can(*self._waiting_on_can.popleft())
+        self._took_ns = now_ns
 
     def counted(self) -> Counter[str]:
         """Return the counters of the last health message, by name."""
@@ -146,6 +149,19 @@ class Listener:
         self.wrong += Wrong(zenoh=errors.wrong)
         stale = valid and (too_old or repeated)
         self.grounds.append(Heard(t_ns, ground, truth, errors, valid, stale, flags(ground, truth)))
+
+    def _take_can(self, t_ns: int, prompt: bool, received: ReceivedGround) -> None:
+        """Judge a ground of CAN, which does not tell its place, by the place that the same one tells on Zenoh."""
+        truth = self._wearer.truth(received.t_exposure_ns)
+        for heard in itertools.islice(reversed(self.grounds), _LAST):
+            if abs(heard.ground.t_exposure_ns - received.t_exposure_ns) < _AS_ONE_NS:
+                truth = heard.truth
+                break
+        numbers = (received.slope_sagittal_rad, received.slope_frontal_rad, received.height_m)
+        deviations = (received.slope_sagittal_sd_rad, received.slope_frontal_sd_rad, received.height_sd_m)
+        errors = ground_errors(numbers, deviations, truth) if prompt else _NOTHING_OFF
+        self.on_can.append(HeardOnCan(t_ns, errors))
+        self.wrong += Wrong(can=errors.wrong)
 
     def _take_attitude(self, t_ns: int, attitude: Attitude) -> None:
         valid = attitude.status is Status.VALID

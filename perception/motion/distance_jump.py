@@ -37,7 +37,7 @@ class JumpSettings:
     least_px: float = 0.4
     agreeing_px: float = 0.3
     least_share: float = 0.8
-    least_corners: int = 24
+    least_corners: int = 12
     together_px: float = 1.0
     usual_px: float = 0.1
     rounds: int = 4
@@ -67,6 +67,8 @@ class DistanceJumps:
         if agreed and _largest_px(jump, places_px) > settings.least_px:
             self._sum = self._sum + jump
             self.contradict = _largest_px(self._sum, places_px) > settings.least_px
+            if not self.contradict:
+                self._sum = np.zeros(3)
 
     def _fitted(self, places_px: FloatArray, off_px: FloatArray) -> FloatArray:
         """Return (a, b, c) of (1) by least squares with Huber's weights."""

@@ -138,6 +138,8 @@ class VisualOdometer:
         points = PointsInStep(points_C, disparity, before.row_time_s[good], to_s, inner)
         step = solve(points, self._stereo.left.rays_C(seen_px)[:, :2], inner.foretold, self._settings)
         if step is None:
+            if self.jumps.contradict:  # with wrong distances few steps are found: may the eyes have jumped back?
+                self._expected = Corners(seen_px, self._stereo.disparity_px(points.moved(np.zeros(6))[2]))
             return None
         disparity_px = self._stereo.disparity_px(points.moved(step.rates)[2])
         self._expected = Corners(seen_px[step.agrees], disparity_px[step.agrees])

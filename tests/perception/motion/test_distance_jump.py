@@ -75,7 +75,7 @@ def test_noise_and_things_that_move_by_themselves_are_no_jump(
 
 
 def test_little_that_adds_up_is_no_jump_and_neither_is_what_few_corners_say() -> None:
-    jumps, expected, few = DistanceJumps(), corners(), corners(12)
+    jumps, expected, few = DistanceJumps(), corners(), corners(8)
     for _ in range(40):
         jumps.add(expected, moved(expected, 0.1))
     jumps.add(few, moved(few, 3.0))
