@@ -11,6 +11,7 @@ the ground has part in this. Only corners that agree with the step count: what m
 summed up until they cancel out.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -44,16 +45,20 @@ class JumpSettings:
 
 
 class DistanceJumps:
-    """Sums up the jumps of one pair of eyes; `contradict` while what they leave would be one."""
+    """Sums up the jumps of one pair of eyes; `contradict` while what they leave would be one.
+
+    `newest_px` is by how much distances differed in the newest picture; NaN where its corners do not tell.
+    """
 
     def __init__(self, settings: JumpSettings | None = None) -> None:
         self._settings = settings or JumpSettings()
         self._sum: FloatArray = np.zeros(3)
         self.contradict = False
+        self.newest_px = math.nan
 
     def add(self, expected: Corners, seen: Corners) -> None:
         """Take the corners of one picture as they should be after the last step, and as its pair shows them."""
-        settings = self._settings
+        settings, self.newest_px = self._settings, math.nan
         apart_px = np.abs(expected.places_px[:, None] - seen.places_px[None]).max(axis=2)
         nearest = apart_px.argmin(axis=1)
         one = np.take_along_axis(apart_px, nearest[:, None], axis=1)[:, 0] < settings.together_px
@@ -64,7 +69,10 @@ class DistanceJumps:
         jump = self._fitted(places_px, off_px)
         left_px = np.abs(off_px - jump[0] - places_px @ jump[1:])
         agreed = np.count_nonzero(left_px < settings.agreeing_px) > settings.least_share * len(off_px)
-        if agreed and _largest_px(jump, places_px) > settings.least_px:
+        if not agreed:
+            return
+        self.newest_px = _largest_px(jump, places_px)
+        if self.newest_px > settings.least_px:
             self._sum = self._sum + jump
             self.contradict = _largest_px(self._sum, places_px) > settings.least_px
             if not self.contradict:

@@ -103,10 +103,19 @@ def _scales(line: dict[str, Any]) -> dict[str, Any]:
 
 
 def _difference(ours: Any, theirs: Any, scale: Any = 1.0) -> float:
+    if isinstance(ours, dict) and isinstance(theirs, dict):
+        fields = ours.keys() | theirs.keys()
+        return max((_difference(ours.get(name), theirs.get(name)) for name in fields), default=0.0)
+    if _are_parts(ours) and _are_parts(theirs) and len(ours) == len(theirs):
+        return max(map(_difference, ours, theirs))
     a, b = np.atleast_1d(ours), np.atleast_1d(theirs)
     if a.dtype == b.dtype == float and a.shape == b.shape:
         return float((np.abs(a - b) / scale).max(initial=0.0))
     return 0.0 if ours == theirs else np.inf
+
+
+def _are_parts(value: Any) -> bool:
+    return isinstance(value, list) and len(value) > 0 and all(isinstance(part, dict) for part in value)
 
 
 def _is_lost(message: Input) -> bool:

@@ -1,0 +1,71 @@
+"""A real stereo video of a floor from above: nothing jumps, and a slip that is put into it is noticed at once."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from messages import Lens, Pose, StereoCalibration, matrix3, vec3
+from messages.arrays import GreyImage
+from perception.motion.ego_motion import VisualOdometer
+from tests.bench.data_folder import shared_data
+
+FRAME_NS = 50_000_000
+ROWS_OFF_PX = 1
+"""The factory calibration is that far out of date; what remains is a fraction of a pixel."""
+
+
+def calibration(folder: Path) -> StereoCalibration:
+    """Return the pair's factory calibration, centimetres there."""
+    cameras = dict(json.loads((folder / "calib.json").read_text())["cameraData"])
+    place = cameras[1]["extrinsics"]
+    assert place["toCameraSocket"] == 2
+    p_m = 0.01 * np.array([place["translation"][axis] for axis in "xyz"])
+    X_RL = Pose(R=matrix3(place["rotationMatrix"]), p_m=vec3(p_m))
+    return StereoCalibration(left=lens(cameras[1]), right=lens(cameras[2]), X_RL=X_RL)
+
+
+def lens(camera: dict[str, object]) -> Lens:
+    K = np.array(camera["intrinsicMatrix"], dtype=np.float64)
+    distortion = np.array(camera["distortionCoeff"], dtype=np.float64).tolist()
+    return Lens(
+        width_px=1280,
+        height_px=800,
+        fx_px=K[0, 0],
+        fy_px=K[1, 1],
+        cx_px=K[0, 2],
+        cy_px=K[1, 2],
+        distortion=tuple(distortion),
+    )
+
+
+def pairs(folder: Path) -> Iterator[tuple[GreyImage, GreyImage]]:
+    videos = [cv2.VideoCapture(str(folder / name)) for name in ("left.mp4", "right.mp4")]
+    while True:
+        (seen_left, left), (seen_right, right) = (video.read() for video in videos)
+        if not (seen_left and seen_right):
+            return
+        left, right = (cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in (left, right))
+        yield left, np.roll(right, -ROWS_OFF_PX, axis=0)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("slip_px", [0, -4])
+def test_distances_jump_in_a_real_video_where_an_eye_slips_and_nowhere_else(slip_px: int) -> None:
+    folder = shared_data("oakd_balcony_floor")
+    odometer, jumps_px, contradicts = VisualOdometer(calibration(folder)), list[float](), list[bool]()
+    for number, (left, right) in enumerate(pairs(folder)):
+        slipped = np.roll(right, slip_px, axis=1) if 100 <= number < 200 else right
+        odometer.add_frame(1_000_000_000 + number * FRAME_NS, left, slipped)
+        odometer.prepare_next()
+        jumps_px.append(odometer.jumps.newest_px)
+        contradicts.append(odometer.jumps.contradict)
+    told = np.isfinite(jumps_px)
+    assert len(told) == 326 and np.count_nonzero(told) > 310
+    expected = [slip_px != 0 and 100 <= number < 200 for number in range(len(contradicts))]
+    assert contradicts == expected
+    still = [jump for number, jump in enumerate(jumps_px) if told[number] and number not in (100, 200)]
+    assert max(still) < 0.25  # of 0.4, which counts as a jump
