@@ -20,6 +20,11 @@ class RegionCells:
         middles = [(np.arange(n) + 0.5) * CELL_M - half for n, half in zip(self._shape, half_m, strict=True)]
         self.centres: FloatArray = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 2)
 
+    def grid(self, values: FloatArray) -> FloatArray:
+        """Return the sum of `values` (N,) of the points in each cell (along, across)."""
+        sums = np.bincount(self.place, values, minlength=len(self.centres)).reshape(self._shape)
+        return sums.astype(np.float64)
+
     def count(self, some: BoolArray) -> IntArray:
         """Return how many of these points (N,) each cell holds."""
         return np.bincount(self.place[some], minlength=len(self.centres))

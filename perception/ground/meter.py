@@ -16,7 +16,7 @@ from perception.depth.stereo_camera import StereoCamera
 from perception.ground.block_errors import blocks
 from perception.ground.plane import Plane, PlaneFit, PlaneFitter
 from perception.ground.region import FootholdRegion
-from perception.ground.relief import relief_cov
+from perception.ground.relief import bumps_cov, relief_cov
 from perception.ground.rough import rough_plane
 from perception.ground.things import is_ground
 
@@ -122,6 +122,8 @@ class GroundMeter:
             misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
         lasting = self._residual_cov(fit.plane, R_HC, focal_difference)
         lasting += relief_cov(fit, points_H, disparity_px, misfit_px, block, region, self.locking_px)
+        if fit.noise_px <= self.even_noise_px:
+            lasting += bumps_cov(fit, points_H, disparity_px, misfit_px, region)
         if region.bounded:
             fit = replace(fit, covariance=fit.covariance + _beside_borders(region))
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)

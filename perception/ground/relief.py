@@ -6,8 +6,10 @@ import numpy as np
 
 from messages.arrays import BoolArray, FloatArray, IntArray
 from perception.ground.block_errors import covariance_of_sum
+from perception.ground.cells import RegionCells
 from perception.ground.plane import PlaneFit
 from perception.ground.region import FootholdRegion
+from perception.ground.sole import about_middle, sole_slope_cov
 
 
 def relief_cov(
@@ -31,6 +33,21 @@ def relief_cov(
     cov = _crease(region.along_m(points_H[inlier]), rise_m[inlier], weight[inlier], block[inlier], region, locking_m)
     cov[2, 2] += _step_variance_m2(rise_m, inlier, weight)
     return cov
+
+
+def bumps_cov(
+    fit: PlaneFit, points_H: FloatArray, disparity_px: FloatArray, misfit_px: FloatArray, region: FootholdRegion
+) -> FloatArray:
+    """Return the covariance (3, 3) of (a, b, h) by bumps too small to be told from a plane's noise one by one.
+
+    Bumps slope to all sides, the matcher's errors rather towards the camera: what either slope of a sole has more than
+    these errors would give it counts for both. Points as for `relief_cov`.
+    """
+    noise_m = fit.noise_px * fit.plane.height_m / float(disparity_px.mean())
+    on_plane = points_H[np.abs(misfit_px) < 3.0 * fit.noise_px]
+    slopes = np.diag(sole_slope_cov(RegionCells(on_plane, region), fit.plane.rise_m(on_plane)))
+    beyond = float((slopes - (_SLOPE_PER_NOISE * noise_m) ** 2).max())
+    return about_middle(region, max(0.0, beyond) * np.eye(2))
 
 
 def _step_variance_m2(rise_m: FloatArray, inlier: BoolArray, weight: FloatArray) -> float:
@@ -68,3 +85,7 @@ def _crease(
     pivot = np.array([1.0, across, region.ahead_m + across * region.left_m])
     cov: FloatArray = 4.0 / 3.0 * square_m2 / half_length_m**2 * np.outer(pivot, pivot)
     return cov
+
+
+_SLOPE_PER_NOISE = np.array([5.8, 3.1])
+"""Of a sole, along and across: a little more than even ground has where texture is faint."""

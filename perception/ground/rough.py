@@ -5,7 +5,7 @@ leaves,
 
     z_k = a x_k + b y_k − h + e_k,      σ² = Σ e_k² / (n − 3).                                                   (1)
 
-A foot stands on one bump or in one hollow: its height is uncertain by σ, its slope by what a bump's is. An edge is no
+A foot stands on one bump or in one hollow: its height is uncertain by σ, its slope by what `sole` finds. An edge is no
 bump, nor is a flight: were the ground a plane with a step along a line s_k (1 beyond it, 0 before), least squares
 would take from Σ e_k² the share
 
@@ -20,6 +20,7 @@ from messages.arrays import FloatArray
 from perception.ground.cells import CELL_M, RegionCells
 from perception.ground.plane import Plane, PlaneFit
 from perception.ground.region import FootholdRegion
+from perception.ground.sole import about_middle, sole_slope_cov
 
 
 def rough_plane(points_H: FloatArray, misfit_per_m: FloatArray, region: FootholdRegion) -> PlaneFit | None:
@@ -55,13 +56,11 @@ def rough_plane(points_H: FloatArray, misfit_per_m: FloatArray, region: Foothold
     bumps = max(1.0, len(off_m) * (CELL_M / _BUMP_M) ** 2)
     unseen = 1.0 - len(off_m) / size + _SEEN_BADLY
     cov = np.linalg.inv(design.T @ design) * rough_m**2 * unseen * len(off_m) / bumps
-    foot = rough_m**2 / bumps / np.array([region.half_length_m, region.half_width_m]) ** 2
-    about = np.array([[1.0, 0.0, -region.ahead_m], [0.0, 1.0, -region.left_m]])  # the region's middle
-    cov += about.T @ np.diag(foot) @ about
     cov[2, 2] += rough_m**2
     to_abh = np.diag([1.0, 1.0, -1.0])  # h = −c
+    cov = to_abh @ cov @ to_abh + about_middle(region, sole_slope_cov(cells, all_off_m))
     misfit_px = float(np.sqrt(np.mean((all_off_m * misfit_per_m) ** 2)))
-    return PlaneFit(Plane((float(a), float(b)), float(-c)), to_abh @ cov @ to_abh, misfit_px, 1.0, rough_m)
+    return PlaneFit(Plane((float(a), float(b)), float(-c)), cov, misfit_px, 1.0, rough_m)
 
 
 def _step_share(design: FloatArray, off_m: FloatArray) -> float:
