@@ -9,6 +9,7 @@ import numpy as np
 
 from cli.overlay.lettering import WHITE, Colour, Lettering, Picture, bar
 from cli.overlay.projection import Sight
+from daemon.pictures import grey
 from messages import GroundPlane, Image, NextFoothold, Status, Terrain, TerrainEdge, TerrainObstacle
 from messages.arrays import BoolArray, FloatArray
 from perception.ground.foothold import FootholdSettings
@@ -37,9 +38,10 @@ class Said:
 def drawn(image: Image, said: Said, region: FootholdSettings) -> Picture:
     """Return `image` (height, width) in colours with what was `said` of it, below a bar of text with its numbers.
 
-    `region` is that of the ground. Of a depth image near is bright, and black what has no depth.
+    `image` may be smaller than the camera's. `region` is that of the ground. Of a depth image near is bright, and black
+    what has no depth.
     """
-    picture = _grey(image)
+    picture = cv2.cvtColor(grey(image), cv2.COLOR_GRAY2BGR).astype(np.uint8, copy=False)
     pen = _Pen(picture, said)
     if said.sight is not None:
         pen.surfaces()
@@ -49,17 +51,6 @@ def drawn(image: Image, said: Said, region: FootholdSettings) -> Picture:
         pen.foothold()
     pen.write_labels()
     return np.vstack((bar(numbers(said), picture.shape[1]), picture))
-
-
-def _grey(image: Image) -> Picture:
-    if image.dtype == np.uint8:
-        return cv2.cvtColor(image, cv2.COLOR_GRAY2BGR).astype(np.uint8, copy=False)
-    known = image > 0
-    near = np.percentile(image[known], 1.0) if known.any() else 1.0
-    inverse = np.divide(near, image, out=np.zeros(image.shape), where=known)
-    return cv2.cvtColor(np.clip(60.0 + 170.0 * inverse, 0, 255).astype(np.uint8) * known, cv2.COLOR_GRAY2BGR).astype(
-        np.uint8, copy=False
-    )
 
 
 class _Pen:
@@ -157,7 +148,9 @@ class _Pen:
         """Return pixels (n, 2) along the lines from corner to corner."""
         assert self._said.sight is not None
         along = [np.linspace(one, other, _PIECES) for one, other in pairwise(corners_H)]
-        return self._said.sight.pixels(np.concatenate(along))
+        pixels = self._said.sight.pixels(np.concatenate(along))
+        scale = self._picture.shape[1] / self._said.sight.lens.width_px
+        return scale * (pixels + 0.5) - 0.5
 
     def _line(self, corners_H: FloatArray, colour: Colour, width: int) -> tuple[float, float] | None:
         """Draw lines through `corners_H` (n, 3); return the rightmost pixel of it in the picture, if any is."""
