@@ -142,9 +142,7 @@ def build_service(
 def _pictures(
     configuration: Configuration, calibration: UnitCalibration, source: Source, pipeline: Pipeline
 ) -> Pictures | None:
-    """Return what gives `gaiteyes view` its pictures; None where there are to be none, or can be none: one warning."""
-    if not configuration.view.pictures:
-        return None
+    """Return what gives `gaiteyes view` its pictures; None, with one warning, where it cannot be reached."""
     try:
         server = PictureServer(configuration.device)
     except UserError as error:
@@ -155,7 +153,8 @@ def _pictures(
         calibration_text=sealed(format_calibration(calibration)),
         configuration_text=format_configuration(configuration),
     )
-    return Pictures(server, greeting, lambda: pipeline.surfaces)
+    surfaces_only = not configuration.view.pictures
+    return Pictures(server, greeting, lambda: pipeline.surfaces, surfaces_only=surfaces_only)
 
 
 @contextmanager

@@ -32,7 +32,10 @@ class Greeting(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SeenFrame(msgspec.Struct, frozen=True, kw_only=True):
-    """One picture, at most WIDTH_PX wide, as JPEG, and the surfaces of the path that were found in it."""
+    """One picture, at most WIDTH_PX wide, as JPEG, and the surfaces of the path that were found in it.
+
+    `jpeg` is empty where no pictures are given.
+    """
 
     t_exposure_ns: int
     frame_seq: int
@@ -48,11 +51,19 @@ class _Seen(NamedTuple):
 class Pictures:
     """Takes frames and estimates in the pipeline's thread, and serves `server`'s readers in another (`serve`).
 
-    `surfaces` returns what the pipeline's newest terrain was made of.
+    `surfaces` returns what the pipeline's newest terrain was made of. With `surfaces_only` no picture is made.
     """
 
-    def __init__(self, server: PictureServer, greeting: Greeting, surfaces: Callable[[], PathSurfaces]) -> None:
+    def __init__(
+        self,
+        server: PictureServer,
+        greeting: Greeting,
+        surfaces: Callable[[], PathSurfaces],
+        *,
+        surfaces_only: bool = False,
+    ) -> None:
         self._server = server
+        self._surfaces_only = surfaces_only
         self._greeting = msgspec.msgpack.encode(greeting)
         self._surfaces = surfaces
         self._frame: Frame | None = None
@@ -82,7 +93,7 @@ class Pictures:
             self._handed_over.wait_for(lambda: self._seen is not None, timeout_s)
             seen = self._seen
         if seen is not None:
-            picture = small(seen.frame.images[0])
+            picture = None if self._surfaces_only else small(seen.frame.images[0])
             header, surfaces = seen.frame.header, seen.surfaces
             self._seen = seen = None  # the frame's buffer is free before it is packed
             self._server.send(
@@ -91,7 +102,7 @@ class Pictures:
                         t_exposure_ns=header.t_exposure_ns,
                         frame_seq=header.seq,
                         surfaces=surfaces,
-                        jpeg=jpeg(picture),
+                        jpeg=b"" if picture is None else jpeg(picture),
                     )
                 )
             )

@@ -1,7 +1,7 @@
 """Pictures for who looks at a running service: a socket of this machine, beside the one that Zenoh listens on.
 
-One message is one packet (SOCK_SEQPACKET, unix(7)), whole or not at all; one that does not fit into a reader's buffer at
-once is dropped, so that the sender never waits. Who may connect is who may enter the directory
+One message is one packet (SOCK_SEQPACKET, unix(7)), whole or not at all; one that does not fit into a reader's buffer
+at once is dropped, so that the sender never waits. Who may connect is who may enter the directory
 (`drivers.zenoh.local_socket`); nothing of this goes over a network.
 """
 
@@ -19,6 +19,18 @@ MOST_READERS = 4
 LONGEST_PACKET_BYTES = 200_000
 """Below what Linux allows in a socket's buffer (net.core.wmem_max, 212992)."""
 _SUFFIX = ".view"
+
+
+def devices_here() -> list[str]:
+    """Return the devices of this machine whose pictures may be read now."""
+    found = {
+        path.stem
+        for directory in service_directories()
+        if os.access(directory, os.R_OK | os.X_OK)
+        for path in directory.glob(f"*{_SUFFIX}")
+        if _answers(path)
+    }
+    return sorted(found)
 
 
 class PictureServer:
@@ -95,7 +107,7 @@ class PictureReader:
             if os.access(directory, os.X_OK) and path.exists():
                 break
         else:
-            raise UserError(f"'{device}' gives no pictures: its setting view.pictures is false, or it is not running")
+            raise UserError(f"'{device}' does not run on this machine, or where you may not enter")
         check_private(path, to_listen=False)
         self._socket = _socket()
         try:

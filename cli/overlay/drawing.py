@@ -148,8 +148,8 @@ class _Pen:
         """Return pixels (n, 2) along the lines from corner to corner."""
         assert self._said.sight is not None
         along = [np.linspace(one, other, _PIECES) for one, other in pairwise(corners_H)]
-        pixels = self._said.sight.pixels(np.concatenate(along))
-        scale = self._picture.shape[1] / self._said.sight.lens.width_px
+        pixels: FloatArray = self._said.sight.pixels(np.concatenate(along))
+        scale: float = self._picture.shape[1] / self._said.sight.lens.width_px
         return scale * (pixels + 0.5) - 0.5
 
     def _line(self, corners_H: FloatArray, colour: Colour, width: int) -> tuple[float, float] | None:

@@ -25,8 +25,8 @@ from perception.terrain.surfaces import PathSurfaces
 class Overlay:
     """Takes a pipeline's inputs and estimates as they come, and writes one picture for each frame with a ground.
 
-    `surfaces` returns what the pipeline's newest terrain was made of; `shown` makes of a frame's image what is drawn on,
-    or None where that frame is to be passed over.
+    `surfaces` returns what the pipeline's newest terrain was made of; `shown` makes of a frame's image what is
+    drawn on, or None where that frame is to be passed over.
     """
 
     def __init__(
