@@ -6,13 +6,12 @@ nothing and waits for nothing. Scaling, packing and sending happen in a thread o
 
 import threading
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import cv2
 import msgspec
 import numpy as np
 
-from drivers.picture_socket import PictureServer
 from messages import Estimate, Frame, FrameHeader, Image, Source, Terrain
 from messages.arrays import GreyImage
 from perception.terrain.surfaces import PathSurfaces
@@ -21,6 +20,23 @@ LEAST_APART_NS = 90_000_000
 """Every second frame at 20 a second."""
 WIDTH_PX = 640
 JPEG_QUALITY = 75
+
+
+class PictureReaders(Protocol):
+    """Who looks: `drivers.picture_socket.PictureServer`."""
+
+    @property
+    def is_watched(self) -> bool:
+        """Return whether anybody reads."""
+
+    def welcome(self, greeting: bytes) -> None:
+        """Take in who has come since the last call, and greet them."""
+
+    def send(self, packet: bytes) -> None:
+        """Send to all who read, without waiting."""
+
+    def close(self) -> None:
+        """Hang up on all."""
 
 
 class Greeting(msgspec.Struct, frozen=True, kw_only=True):
@@ -56,7 +72,7 @@ class Pictures:
 
     def __init__(
         self,
-        server: PictureServer,
+        server: PictureReaders,
         greeting: Greeting,
         surfaces: Callable[[], PathSurfaces],
         *,

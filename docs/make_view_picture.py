@@ -1,7 +1,7 @@
 """The README's picture of `gaiteyes view`: `python docs/make_view_picture.py [FILE]` makes it anew.
 
-A simulated walk down a flight of stairs goes through the pipeline and onto the page; a headless Chromium of this machine
-takes the picture when it has been drawn. Nothing in it is made up: it is what the page shows at that moment.
+A simulated walk up a flight of stairs goes through the pipeline and onto the page; a headless Chromium takes the
+picture when it has been drawn. Nothing in it is made up: it is what the page shows at that moment.
 """
 
 import sys
@@ -13,14 +13,14 @@ from cli.viewer.played import Player
 from cli.viewer.server import ViewServer
 from daemon.config import Configuration
 from daemon.replay_source import ReplaySource
-from messages import Input
+from messages import TOPICS, Input
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 from tests.bench.browser import browser, chromium
 
 PICTURE = Path(__file__).parent / "pictures" / "view.jpg"
 SIZE_PX = (1280, 900)
-SEED, SCENARIO, SECONDS = 1001, "stairs", 10.0
+SEED, SCENARIO, SECONDS = 1001, "stairs", 7.4
 
 
 class Unhurried:
@@ -34,11 +34,13 @@ class Unhurried:
 def make(path: Path, program: str, seconds: float = SECONDS) -> None:
     """Write the picture after `seconds` of the walk, taken with the browser `program`."""
     wearer = SimulatedWearer(SEED, scenario(SCENARIO), start_ns=10_000_000_000)
+    exposures_ns = [wearer.shutter.header(k).t_exposure_ns for k in range(round(seconds * TOPICS["frame"].rate_hz))]
     source = ReplaySource(
         title=SCENARIO,
         calibration=wearer.calibration,
         configuration=Configuration(),
         inputs=lambda: wearer.offline_inputs(seconds),
+        rig_truth=lambda: {t_ns: wearer.truth(t_ns) for t_ns in exposures_ns},
     )
     board = Board(f"{SCENARIO}, simulated")
     player = Player(source, board, Unhurried)

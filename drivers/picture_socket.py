@@ -121,7 +121,7 @@ class PictureReader:
         self._socket.settimeout(timeout_s)
         try:
             packet = self._socket.recv(LONGEST_PACKET_BYTES)
-        except TimeoutError:
+        except (TimeoutError, BlockingIOError):
             return None
         except ConnectionError as error:
             raise EOFError from error

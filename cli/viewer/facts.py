@@ -138,10 +138,8 @@ def _motion_words(motion: Motion) -> str:
 def _terrain_words(terrain: Terrain) -> str:
     if terrain.status is not Status.VALID:
         return f"none: {terrain.reason.value}"
-    edge = ""
-    if terrain.edges:
-        nearest = terrain.edges[0]
-        edge = f", edge {100.0 * nearest.rise_m:+.1f} cm at {nearest.distance_m:.2f} m"
+    ahead = [edge for edge in terrain.edges if edge.distance_m > 0.0]
+    edge = f", edge {100.0 * ahead[0].rise_m:+.1f} cm at {ahead[0].distance_m:.2f} m" if ahead else ""
     return f"{terrain.kind.value.replace('_', ' ')} {terrain.probability:.0%}{edge}"
 
 

@@ -65,19 +65,20 @@ function drawCharts() {
   }
 }
 
-function showState(text, good) {
+// `kind` is good, bad or neither.
+function showState(text, kind) {
   const state = byId("state");
   state.textContent = text;
-  state.className = "tag " + (good ? "good" : "bad");
+  state.className = "tag " + kind;
 }
 
 function showFacts(facts) {
   for (const name of TEXTS) if (facts[name] !== undefined) byId(name).textContent = facts[name];
   byId("source").className = "tag " + (facts.source === "live" ? "good" : "");
   if (facts.latency_of) byId("latency_title").textContent = "From " + facts.latency_of;
-  if (facts.ended) showState(facts.ended, false);
-  else if (facts.silent) showState("no data for more than a second", false);
-  else if (facts.status) showState(facts.status, facts.status === "valid");
+  if (facts.ended) showState(facts.ended, facts.source === "recording" ? "" : "bad");
+  else if (facts.silent) showState("no data for more than a second", "bad");
+  else if (facts.status) showState(facts.status, facts.status === "valid" ? "good" : "bad");
   byId("buttons").hidden = facts.plays === null || facts.plays === undefined;
   byId("pause").textContent = facts.plays ? "Pause" : "Go on";
   byId("pause").dataset.says = facts.plays ? "pause" : "play";
@@ -122,7 +123,7 @@ function connect() {
   socket.binaryType = "arraybuffer";
   socket.onmessage = take;
   socket.onclose = () => {
-    showState("gaiteyes view has ended", false);
+    showState("gaiteyes view has ended", "bad");
     setTimeout(connect, RETRY_MS);
   };
 }
