@@ -57,13 +57,19 @@ class ViewServer:
             )
         except OSError as error:
             raise UserError(f"--port {port}: {error.strerror}; another view may be open, 0 takes any port") from error
-        self._port = int(self._server.socket.getsockname()[1])
+        _, self._port = self.address
         self._thread = threading.Thread(target=self._server.serve_forever, name="view-server", daemon=True)
 
     @property
     def url(self) -> str:
         """Return the address of the page."""
         return f"http://{HOST}:{self._port}/{self._secret}/"
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Return where it listens."""
+        host, port = self._server.socket.getsockname()
+        return host, port
 
     def wait_for_a_browser(self) -> None:
         """Return once somebody looks."""

@@ -18,7 +18,7 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
-PATIENCE_S = 240.0
+PATIENCE_S = 120.0
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 
