@@ -16,6 +16,8 @@ from messages import AnkleState, DroppedFrame, Frame, GroundPlane, Image, ImuSam
 
 TOO_LATE_S = 0.1
 """Behind the recording's pace by so much, pictures are passed over: estimates never are."""
+LEAST_SHOWN_S = 0.5
+"""But one is shown so often."""
 FAR_TOO_LATE_S = 1.0
 """A host that cannot keep the pace plays slower."""
 
@@ -42,6 +44,7 @@ class Player:
         self._again = threading.Event()
         self._facts = Facts(board, source.calibration, source.rig_truth())
         self._late_s = 0.0
+        self._shown_s = -LEAST_SHOWN_S
         board.set_facts({"source": "recording", "latency_of": "exposure to arrival", "ended": "", "plays": True})
 
     def command(self, said: str) -> None:
@@ -98,7 +101,11 @@ class Player:
         overlay.close()
 
     def _shown(self, image: Image) -> Image | None:
-        return None if self._late_s > TOO_LATE_S else small(image)
+        now_s = time.monotonic()
+        if self._late_s > TOO_LATE_S and now_s - self._shown_s < LEAST_SHOWN_S:
+            return None
+        self._shown_s = now_s
+        return small(image)
 
 
 class _Pictures:
