@@ -28,6 +28,7 @@ from drivers.boot_id import read_boot_id
 from drivers.can.link import CanLink
 from drivers.picture_socket import PictureServer
 from drivers.protocols import FrameSource, ImuSource
+from drivers.utc import read_utc_offset_ns
 from messages import Learnt, Source, UnitCalibration, UserError
 
 log = logging.getLogger("gaiteyes")
@@ -50,6 +51,7 @@ def open_recorder(
         calibration_text=sealed(format_calibration(calibration)),
         configuration_text=format_configuration(configuration),
         learnt=learnt,
+        utc_offset_ns=read_utc_offset_ns(),
     )
     return Recorder(path, info, last_s=last_s, outputs_only=outputs_only)
 

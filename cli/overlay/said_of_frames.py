@@ -4,8 +4,8 @@ from contextlib import suppress
 
 import numpy as np
 
-from cli.overlay.drawing import Said
 from cli.overlay.projection import Projection, Sight
+from cli.overlay.shapes import Said
 from messages import Attitude, Estimate, GroundPlane, Motion, Status, Terrain, UnitCalibration
 from perception.attitude.history import AttitudeAt, AttitudeHistory, OutsideHistoryError
 from perception.terrain.surfaces import PathSurfaces
