@@ -51,7 +51,7 @@ def view(
     if device not in here:
         raise UserError(
             f"{source}: no such recording, and no service of this name runs on this machine"
-            + (f"; {', '.join(here)} does" if here else "")
+            + (f"; what runs here: {', '.join(here)}" if here else "")
         )
     board = Board(device)
     with ViewServer(board, port, lambda _said: None) as server:

@@ -4,6 +4,7 @@ import time
 from collections import deque
 from contextlib import ExitStack
 from types import TracebackType
+from typing import TypeVar
 
 import cv2
 import msgspec
@@ -19,6 +20,8 @@ from daemon.pictures import WIDTH_PX, Greeting, SeenFrame, jpeg
 from drivers.picture_socket import PictureReader
 from drivers.zenoh.device_listener import DeviceListener
 from messages import Image, UserError
+
+S = TypeVar("S", Greeting, SeenFrame)
 
 LONGEST_WAIT_S = 0.1
 """A picture waits so long for its estimates, which come another way."""
@@ -67,7 +70,7 @@ class LiveSource:
             while True:
                 packet = self._reader.receive(POLL_S)
                 if packet is not None:
-                    self._waiting.append((msgspec.msgpack.decode(packet, type=SeenFrame), time.monotonic()))
+                    self._waiting.append((_decoded(packet, SeenFrame), time.monotonic()))
                 self._hear()
                 self._show()
         except EOFError:
@@ -80,7 +83,7 @@ class LiveSource:
             packet = None
         if packet is None:
             raise UserError(f"'{device}' does not answer; it may have as many viewers as it takes")
-        return msgspec.msgpack.decode(packet, type=Greeting)
+        return _decoded(packet, Greeting)
 
     def _hear(self) -> None:
         now_s = time.monotonic()
@@ -108,6 +111,13 @@ class LiveSource:
             return self._blank
         image = cv2.imdecode(np.frombuffer(seen.jpeg, np.uint8), cv2.IMREAD_GRAYSCALE)
         return self._blank if image is None else np.asarray(image, dtype=np.uint8)
+
+
+def _decoded(packet: bytes, kind: type[S]) -> S:
+    try:
+        return msgspec.msgpack.decode(packet, type=kind)
+    except msgspec.MsgspecError as error:
+        raise UserError(f"the service speaks otherwise, is it of another version? {kind.__name__}: {error}") from error
 
 
 def follow_device(device: str, board: Board) -> None:

@@ -20,7 +20,8 @@ from daemon import replay as replaying
 from daemon.config import Configuration
 from daemon.pipeline import Pipeline
 from daemon.replay_source import ReplaySource
-from messages import TOPICS, Lens, UserError
+from messages import TOPICS, DepthFrame, Lens, UserError
+from messages.arrays import FloatArray
 from perception import so3
 from sim_rig.depth_wearer import DepthWearer
 from sim_rig.walk.scenario import scenario
@@ -107,14 +108,40 @@ def test_the_scene_holds_the_region_where_the_ground_says(written: dict[str, lis
             assert entity.frame_id == "H"
             if entity.id != "region":
                 continue
-            t_ns = entity.timestamp.seconds * 10**9 + entity.timestamp.nanos - UTC_OFFSET_NS
-            ground = grounds[t_ns]
+            ground = grounds[_instant_ns(entity)]
             points = np.array([(p.x, p.y, p.z) for line in entity.lines for p in line.points])
             np.testing.assert_allclose(points.mean(axis=0)[:2], (ground["ahead_m"], ground["left_m"]), atol=1e-9)
             slope = np.polyfit(points[:, 0], points[:, 2], 1)[0]
             assert slope == pytest.approx(np.tan(ground["slope_sagittal_rad"]), abs=5e-3)
             checked += 1
     assert checked > 10
+
+
+@pytest.mark.long
+def test_the_region_lies_on_what_the_camera_measured(written: dict[str, list[tuple[int, Any]]]) -> None:
+    """From the file alone: out of H by the transforms, through the lens, onto the depth image of that instant."""
+    wearer = DepthWearer(4, scenario("standing"), START_NS)
+    frames = {frame.header.t_exposure_ns: frame for frame, _ in wearer.frames(30)}
+    lens = written[f"decoded {CALIBRATION}"][0][1]
+    K, distortion = np.array(lens.K).reshape(3, 3), np.array(lens.D)
+    turned: dict[tuple[int, str], FloatArray] = {}
+    for _, each in written[f"decoded {TRANSFORMS}"]:
+        q = (each.rotation.w, each.rotation.x, each.rotation.y, each.rotation.z)
+        turned[_instant_ns(each), each.child_frame_id] = so3.matrix_from_quaternion(q)
+    off_m = []
+    for _, update in written[f"decoded {SCENE}"]:
+        for entity in (each for each in update.entities if each.id == "region"):
+            t_ns = _instant_ns(entity)
+            points_H = np.array([(p.x, p.y, p.z) for line in entity.lines for p in line.points])
+            points_D = points_H @ turned[t_ns, "H"].T @ turned[t_ns, "D"]
+            pixels = np.rint(cv2.projectPoints(points_D, np.zeros(3), np.zeros(3), K, distortion)[0].reshape(-1, 2))
+            frame = frames[t_ns]
+            assert isinstance(frame, DepthFrame)
+            for (column, row), z_m in zip(pixels.astype(int).tolist(), points_D[:, 2].tolist(), strict=True):
+                if 0 <= column < lens.width and 0 <= row < lens.height and frame.depth[row, column]:
+                    off_m.append(z_m - wearer.calibration.depth.step_m * float(frame.depth[row, column]))
+    assert len(off_m) > 100
+    assert np.median(np.abs(off_m)) < 0.02
 
 
 def test_an_area_is_a_fan_of_triangles_beside_its_outline() -> None:
@@ -176,6 +203,11 @@ def test_what_cannot_be_written_is_told_in_one_line(tmp_path: Path, name: str) -
     with pytest.raises(UserError, match="--foxglove") as told:
         FoxgloveFile(tmp_path / name, source, lambda: Pipeline(source.calibration, Configuration().foothold).surfaces)
     assert "\n" not in str(told.value)
+
+
+def _instant_ns(stamped: Any) -> int:
+    """Return a time stamp on the unit's own clock."""
+    return int(stamped.timestamp.seconds * 10**9 + stamped.timestamp.nanos - UTC_OFFSET_NS)
 
 
 def _read(message: CameraCalibration | FrameTransform | SceneUpdate) -> Any:

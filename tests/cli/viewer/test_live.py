@@ -61,6 +61,7 @@ def test_what_a_service_says_is_shown_and_again_after_a_new_start(calibration: C
         _until(lambda: _news(board).picture > pictures + 3)
 
 
+@pytest.mark.long
 def test_without_pictures_the_rest_is_shown_on_grey(calibration: Calibration) -> None:
     board = Board("bench")
     with _running(calibration, ViewSettings(pictures=False)):
