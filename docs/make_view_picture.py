@@ -12,8 +12,9 @@ from cli.viewer.board import Board
 from cli.viewer.played import Player
 from cli.viewer.server import ViewServer
 from daemon.config import Configuration
+from daemon.pipeline import NO_FRAME_SEQ
 from daemon.replay_source import ReplaySource
-from messages import TOPICS, Input
+from messages import GroundPlane, GroundTruth, Input
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 from tests.bench.browser import browser, chromium
@@ -34,16 +35,18 @@ class Unhurried:
 def make(path: Path, program: str, seconds: float = SECONDS) -> None:
     """Write the picture after `seconds` of the walk, taken with the browser `program`."""
     wearer = SimulatedWearer(SEED, scenario(SCENARIO), start_ns=10_000_000_000)
-    exposures_ns = [wearer.shutter.header(k).t_exposure_ns for k in range(round(seconds * TOPICS["frame"].rate_hz))]
     source = ReplaySource(
         title=SCENARIO,
         calibration=wearer.calibration,
         configuration=Configuration(),
         inputs=lambda: wearer.offline_inputs(seconds),
-        rig_truth=lambda: {t_ns: wearer.truth(t_ns) for t_ns in exposures_ns},
     )
+
+    def truth(ground: GroundPlane) -> GroundTruth | None:
+        return None if ground.frame_seq == NO_FRAME_SEQ else wearer.truth_of(ground)
+
     board = Board(f"{SCENARIO}, simulated")
-    player = Player(source, board, Unhurried)
+    player = Player(source, board, Unhurried, truth)
     with ViewServer(board, 0, player.command) as server, browser(program) as page:
         threading.Thread(target=player.play, daemon=True).start()
         page.resize(*SIZE_PX)

@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -17,12 +17,17 @@ NEWEST = 200
 
 
 class Facts:
-    """Tells a board of each estimate. `truth` is that of the ground by `t_exposure_ns`, where a rig knows it."""
+    """Tells a board of each estimate. `truth` returns that of a ground, where a rig knows it."""
 
-    def __init__(self, board: Board, calibration: UnitCalibration, truth: dict[int, GroundTruth] | None = None) -> None:
+    def __init__(
+        self,
+        board: Board,
+        calibration: UnitCalibration,
+        truth: Callable[[GroundPlane], GroundTruth | None] = lambda _ground: None,
+    ) -> None:
         self._board = board
         self._R_BE = np.array(calibration.X_BE.R)
-        self._truth = truth or {}
+        self._truth = truth
         self._first_ns: int | None = None
         self._tilt: tuple[float | None, ...] = (None, None)
         self._latencies_ms: deque[float] = deque(maxlen=NEWEST)
@@ -51,7 +56,7 @@ class Facts:
         latency_ms = None if math.isnan(latency_s) or ground.frame_seq == NO_FRAME_SEQ else 1e3 * latency_s
         if latency_ms is not None:
             self._latencies_ms.append(latency_ms)
-        truth = self._truth.get(ground.t_exposure_ns)
+        truth = self._truth(ground)
         self._board.add_point(
             (
                 1e-9 * (ground.t_exposure_ns - self._first_ns),

@@ -12,7 +12,7 @@ from cli.viewer.facts import Facts
 from daemon.pictures import jpeg, small
 from daemon.pipeline import Pipeline
 from daemon.replay_source import ReplaySource
-from messages import AnkleState, DroppedFrame, Frame, GroundPlane, Image, ImuSample, Input
+from messages import AnkleState, DroppedFrame, Frame, GroundPlane, GroundTruth, Image, ImuSample, Input
 
 TOO_LATE_S = 0.1
 """Behind the recording's pace by so much, pictures are passed over: estimates never are."""
@@ -32,17 +32,24 @@ class Pace(Protocol):
 class Player:
     """Plays `source` onto `board`; `command` takes "pause", "play" and "again", from any thread.
 
-    `pace` begins a new counting of time; by default it is that of the recording.
+    `pace` begins a new counting of time; by default it is that of the recording, as is the `truth` of each ground.
     """
 
-    def __init__(self, source: ReplaySource, board: Board, pace: "Callable[[], Pace] | None" = None) -> None:
+    def __init__(
+        self,
+        source: ReplaySource,
+        board: Board,
+        pace: "Callable[[], Pace] | None" = None,
+        truth: Callable[[GroundPlane], GroundTruth | None] | None = None,
+    ) -> None:
         self._source = source
         self._pace = pace or RecordedPace
         self._board = board
         self._going = threading.Event()
         self._going.set()
         self._again = threading.Event()
-        self._facts = Facts(board, source.calibration, source.rig_truth())
+        recorded = {} if truth is not None else source.rig_truth()
+        self._facts = Facts(board, source.calibration, truth or (lambda ground: recorded.get(ground.t_exposure_ns)))
         self._late_s = 0.0
         self._shown_s = -LEAST_SHOWN_S
         board.set_facts({"source": "recording", "latency_of": "exposure to arrival", "ended": "", "plays": True})
