@@ -98,7 +98,6 @@ def browser(program: str, *options: str) -> Iterator[Page]:
             stderr=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             text=True,
-            start_new_session=True,
         )
         try:
             with connect(_page_of(process), max_size=None, compression=None) as connection:
