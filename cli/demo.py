@@ -110,6 +110,7 @@ def demo(
                 background={} if hub is None else {"can-hub": hub.serve},
                 priorities=config is not None and configuration.realtime.priorities,
             )
+        console.print("to see it, in another terminal: gaiteyes view", highlight=False)
         pressure = ProcessorPressure()
         with stopped_by_signals(service), LiveStatus(tally, observer) as live:
             service.run(seconds, status=live.refresh)

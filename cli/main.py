@@ -14,6 +14,7 @@ from cli.faults import faults
 from cli.platform import platform
 from cli.replay import replay
 from cli.run import run
+from cli.view import view
 
 app = typer.Typer(
     name="gaiteyes",
@@ -25,6 +26,7 @@ app = typer.Typer(
 app.command()(run)
 app.command()(check)
 app.command()(demo)
+app.command()(view)
 app.command()(replay)
 app.command()(faults)
 app.add_typer(evaluate, name="evaluate")

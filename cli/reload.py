@@ -19,7 +19,7 @@ from messages import Reconfigured, UnitCalibration, UserError
 
 log = logging.getLogger("gaiteyes")
 
-AT_THE_NEXT_START = ("device", "imu", "learnt", "realtime")
+AT_THE_NEXT_START = ("device", "imu", "learnt", "realtime", "view")
 
 
 class Reloader:

@@ -16,6 +16,14 @@ def replay(
             help="Draw what is said of each frame into its picture: a video (.mp4, .mkv, .avi) or a folder of PNGs."
         ),
     ] = None,
+    foxglove: Annotated[
+        Path | None,
+        typer.Option(help="Write an MCAP file for Foxglove's own panels: picture, calibration, transforms, scene."),
+    ] = None,
+    imu: Annotated[
+        Path | None,
+        typer.Option(help="Write the IMU's samples as FOLDER/imu.csv, for a laboratory's reference beside it."),
+    ] = None,
     json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
 ) -> None:
     """Replay SOURCE through the pipeline; the same source gives the same bytes."""
@@ -25,11 +33,14 @@ def replay(
     import cv2
 
     from cli.console import RECORDING_CUT, check_writable, floor_table, score_table, table, write_json
+    from cli.imu_table import ImuTable
     from cli.overlay.overlay import Overlay
     from cli.overlay.picture_files import open_pictures
+    from cli.scene.foxglove_file import LAYOUT, FoxgloveFile
     from daemon import replay as replaying
     from daemon.config import load_configuration
     from daemon.pipeline import Pipeline
+    from daemon.replay import ReplayObserver
     from daemon.replay_source import open_source
     from lab.evaluation.floor import score_floor
     from lab.evaluation.score import Scoreboard
@@ -39,13 +50,20 @@ def replay(
     cv2.setNumThreads(1)
     opened = open_source(source, None if config is None else load_configuration(config))
     foothold = opened.configuration.foothold
+    samples: ImuTable | None = None
     pipeline = Pipeline(opened.calibration, foothold, opened.learnt)
     with ExitStack() as stack:
-        observers = []
+        observers: list[ReplayObserver] = []
         if overlay is not None:
             files = stack.enter_context(closing(open_pictures(overlay, TOPICS["frame"].rate_hz)))
             drawing = Overlay(opened.calibration, foothold, files, lambda: pipeline.surfaces)
             observers.append(stack.enter_context(closing(drawing)))
+        if foxglove is not None:
+            scene = FoxgloveFile(foxglove, opened, lambda: pipeline.surfaces)
+            observers.append(stack.enter_context(closing(scene)))
+        if imu is not None:
+            samples = ImuTable(imu, opened.utc_offset_ns)
+            observers.append(stack.enter_context(closing(samples)))
         replayed = replaying.replay(opened.inputs(), pipeline, out, observers)
     damage = opened.damage()
 
@@ -60,6 +78,11 @@ def replay(
         "refused": dict(refused),
         "damage": damage,
     }
+    if samples is not None:
+        facts["imu_start_utc"] = samples.start_utc
+        typer.echo(f"{samples.path}: t_s = 0 is {samples.start_utc or 'at a time that the source does not tell'}")
+    if foxglove is not None:
+        typer.echo(f"{foxglove}: for Foxglove, with the layout {LAYOUT}")
     truth = opened.rig_truth()
     if truth:
         board = Scoreboard()

@@ -1,5 +1,6 @@
 """What `run` and `demo` put around the pipeline: publishers, recorder, signals and the summary for a person."""
 
+import logging
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ from calib.seal import sealed
 from cli.console import RECORDING_CUT, console, table
 from daemon.config import Configuration, format_configuration
 from daemon.outgoing import Observer
+from daemon.pictures import Greeting, Pictures
 from daemon.pipeline import Pipeline
 from daemon.publish_can import CanPublisher
 from daemon.publish_zenoh import ZenohPublisher
@@ -24,8 +26,12 @@ from daemon.state_file import StateKeeper
 from daemon.summary import RunSummary
 from drivers.boot_id import read_boot_id
 from drivers.can.link import CanLink
+from drivers.picture_socket import PictureServer
 from drivers.protocols import FrameSource, ImuSource
+from drivers.utc import read_utc_offset_ns
 from messages import Learnt, Source, UnitCalibration, UserError
+
+log = logging.getLogger("gaiteyes")
 
 
 def open_recorder(
@@ -45,6 +51,7 @@ def open_recorder(
         calibration_text=sealed(format_calibration(calibration)),
         configuration_text=format_configuration(configuration),
         learnt=learnt,
+        utc_offset_ns=read_utc_offset_ns(),
     )
     return Recorder(path, info, last_s=last_s, outputs_only=outputs_only)
 
@@ -118,18 +125,38 @@ def build_service(
     state_keeper: StateKeeper | None = None,
 ) -> Service:
     """Return the service on these devices and outlets, which begins with what the unit has `learnt`."""
+    pipeline = Pipeline(calibration, configuration.foothold, learnt)
     return Service(
-        Pipeline(calibration, configuration.foothold, learnt),
+        pipeline,
         Devices(imu=imu, camera=camera, ankle=outlets.link),
         [outlets.zenoh, outlets.can],
         Stamper(configuration.device, read_boot_id(), source),
         background={"can": outlets.can.drain, **(background or {})},
         recorder=recorder,
         observers=observers,
+        pictures=_pictures(configuration, calibration, source, pipeline),
         priorities=priorities,
         state_keeper=state_keeper,
         zenoh_health=lambda: outlets.zenoh.health,
     )
+
+
+def _pictures(
+    configuration: Configuration, calibration: UnitCalibration, source: Source, pipeline: Pipeline
+) -> Pictures | None:
+    """Return what gives `gaiteyes view` its pictures; None, with one warning, where it cannot be reached."""
+    try:
+        server = PictureServer(configuration.device)
+    except UserError as error:
+        log.warning("%s", error)
+        return None
+    greeting = Greeting(
+        source=source,
+        calibration_text=sealed(format_calibration(calibration)),
+        configuration_text=format_configuration(configuration),
+    )
+    surfaces_only = not configuration.view.pictures
+    return Pictures(server, greeting, lambda: pipeline.surfaces, surfaces_only=surfaces_only)
 
 
 @contextmanager

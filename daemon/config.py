@@ -60,6 +60,12 @@ class RealtimeSettings(msgspec.Struct, frozen=True, kw_only=True):
     lock_memory: bool = True
 
 
+class ViewSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """Whether `gaiteyes view` on this machine may have `pictures` of the left eye; estimates it may always have."""
+
+    pictures: bool = True
+
+
 class Configuration(msgspec.Struct, frozen=True, kw_only=True):
     """All settings. `device` is the name under which the unit publishes; `calibration` the path of its file.
 
@@ -75,6 +81,7 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
     zenoh: ZenohSettings = ZenohSettings()
     can: CanSettings = CanSettings()
     realtime: RealtimeSettings = RealtimeSettings()
+    view: ViewSettings = ViewSettings()
 
 
 def load_configuration(path: Path) -> Configuration:

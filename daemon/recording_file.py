@@ -22,12 +22,14 @@ from daemon.state_file import format_learnt
 from drivers.recording.recording import (
     ABOUT,
     CALIBRATION_FILE,
+    CLOCK,
     CONFIGURATION_FILE,
     ENCODINGS,
     FORMAT,
     IMAGE_CHANNELS,
     LEARNT_FILE,
     OUTPUTS,
+    UTC_OFFSET,
 )
 from messages import (
     TOPIC_OF,
@@ -65,7 +67,8 @@ class RecordingError(UserError):
 class RecordingInfo:
     """What a recording says about itself: the daemon's name, its data's source and the texts of its files.
 
-    `learnt` is what the unit had learnt when the service began; None if that was nothing.
+    `learnt` is what the unit had learnt when the service began; None if that was nothing. `utc_offset_ns` is UTC less
+    the clock of all messages; None where that clock is no real one.
     """
 
     device: str
@@ -73,6 +76,7 @@ class RecordingInfo:
     calibration_text: str
     configuration_text: str
     learnt: Learnt | None = None
+    utc_offset_ns: int | None = None
 
 
 class Entry(NamedTuple):
@@ -129,6 +133,8 @@ class RecordingFile:
         texts = {CALIBRATION_FILE: info.calibration_text, CONFIGURATION_FILE: info.configuration_text}
         if outputs_only:
             about["holds"] = OUTPUTS
+        if info.utc_offset_ns is not None:
+            about |= {CLOCK: "CLOCK_MONOTONIC", UTC_OFFSET: str(info.utc_offset_ns)}
         if info.learnt is not None:
             about["learnt"] = info.learnt.id
             texts[LEARNT_FILE] = format_learnt(info.learnt)

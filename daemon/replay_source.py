@@ -19,13 +19,17 @@ FLOOR_OF_A_FOLDER = FootholdSettings(ahead_m=1.5, half_length_m=0.75, half_width
 
 
 class ReplaySource(msgspec.Struct, frozen=True, kw_only=True):
-    """One opened source. `damage` tells, once `inputs` has ended, why it ended early, if it did."""
+    """One opened source. `damage` tells, once `inputs` has ended, why it ended early, if it did.
+
+    `utc_offset_ns` is UTC less the clock of all times, None where that is not known.
+    """
 
     title: str
     calibration: UnitCalibration
     configuration: Configuration
     inputs: Callable[[], Iterator[Input]]
     learnt: Learnt | None = None
+    utc_offset_ns: int | None = None
     rig_truth: Callable[[], dict[int, GroundTruth]] = dict
     poses: TruthTrack | None = None
     damage: Callable[[], str | None] = lambda: None
@@ -44,6 +48,7 @@ def _recording(path: Path, configuration: Configuration | None) -> ReplaySource:
         calibration=parse_calibration(recording.calibration_text, f"{path}: calibration"),
         configuration=configuration or parse_configuration(recording.configuration_text, f"{path}: configuration"),
         inputs=recording.inputs,
+        utc_offset_ns=recording.utc_offset_ns,
         learnt=None if learnt is None else parse_learnt(learnt, f"{path}: learnt"),
         rig_truth=recording.truth,
         damage=lambda: recording.damage,

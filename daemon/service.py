@@ -3,7 +3,8 @@
     IMU thread ──────┐                                            ┌─ Zenoh
     camera thread ───┤            pipeline thread                 ├─ CAN (its own thread)
     ankle thread ────┼─ Inbox ─── Pipeline.step ──── estimates ───┼─ Recorder (its own thread)
-    timer thread ────┘                                            └─ observers
+    timer thread ────┘                                            ├─ Pictures (its own thread, while somebody looks)
+                                                                  └─ observers
 
                             state thread: what the pipeline has learnt, once a minute and at the end ─ StateKeeper
 
@@ -20,6 +21,7 @@ from daemon.inbox import Inbox
 from daemon.latency import LatencyLog
 from daemon.load import LoadDecision
 from daemon.outgoing import Observer, Outgoing, Publisher
+from daemon.pictures import Pictures
 from daemon.pipeline import Pipeline
 from daemon.realtime import paced_interpreter, request_priorities, reset_priority, set_priority
 from daemon.recorder import Recorder
@@ -82,14 +84,19 @@ class Service:
         background: Mapping[str, Background] | None = None,
         recorder: Recorder | None = None,
         observers: Sequence[Observer] = (),
+        pictures: Pictures | None = None,
         priorities: bool = False,
         state_keeper: StateKeeper | None = None,
         zenoh_health: Callable[[], ZenohHealth] = ZenohHealth,
     ) -> None:
         self._pipeline = pipeline
         self._devices = devices
-        self._outgoing = Outgoing(publishers, stamper, recorder, observers)
+        self._pictures = pictures
         self._background = dict(background or {})
+        if pictures is not None:
+            observers = (*observers, pictures.add_estimate)
+            self._background["view"] = pictures.serve
+        self._outgoing = Outgoing(publishers, stamper, recorder, observers)
         self._recorder = recorder
         self._state_keeper = state_keeper
         self._zenoh_health = zenoh_health
@@ -172,6 +179,8 @@ class Service:
             self._state_keeper.keep(self._pipeline.learnt)
         if not hanging & {"pipeline", "ankle", *self._background}:
             self._outgoing.close()
+            if self._pictures is not None:
+                self._pictures.close()
         for name, device in (("imu", self._devices.imu), ("camera", self._devices.camera)):
             if name not in hanging:
                 device.close()
@@ -291,6 +300,8 @@ class Service:
                     self._outgoing.expect_ground_of(message.header)
             if self._recorder is not None:
                 self._recorder.offer(message)
+            if self._pictures is not None and isinstance(message, Frame):
+                self._pictures.add_frame(message)
             for estimate in self._pipeline.step(message):
                 self._outgoing.send(estimate, taken_ns, time.monotonic_ns, self.latency)
             self._pipeline_busy_ns = time.thread_time_ns()

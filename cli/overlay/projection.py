@@ -15,10 +15,12 @@ from perception.heading import heading
 
 @dataclass(frozen=True)
 class Sight:
-    """How the camera stood in H at mid-exposure, `R_EH` (3, 3), and how it moved: turn and travel of E, in E."""
+    """How the camera stood in W and H at mid-exposure, `R_WE` and `R_EH` (3, 3), and how it moved: turn and travel of
+    E, in E."""
 
     lens: Lens
     row_time_s: float
+    R_WE: FloatArray
     R_EH: FloatArray
     w_E_radps: FloatArray
     v_E_mps: FloatArray
@@ -72,7 +74,7 @@ class Projection:
             return None
         R_EH = R_WE.T @ R_WH
         w_E = self._R_BE.T @ np.array(attitude.w_WB_B)
-        return Sight(self._lens, self._row_time_s, R_EH, w_E, R_EH @ v_H_mps, self._widest)
+        return Sight(self._lens, self._row_time_s, R_WE, R_EH, w_E, R_EH @ v_H_mps, self._widest)
 
 
 _ROUNDS = 3

@@ -52,6 +52,9 @@ ABOUT = "gaiteyes"
 OUTPUTS = "outputs"
 """In ABOUT's field `holds`: estimates alone, nothing to replay."""
 
+CLOCK, UTC_OFFSET = "clock", "utc_offset_ns"
+"""In ABOUT, where it is known: the clock of all times, and what is to be added to them for UTC, ns since 1970."""
+
 FORMAT = "1"
 CALIBRATION_FILE, CONFIGURATION_FILE, LEARNT_FILE = "calibration.yaml", "configuration.toml", "learnt.json"
 """The attached texts; the last only where the unit had learnt something before."""
@@ -73,7 +76,8 @@ class McapRecording:
     """The recording in the file `path`.
 
     `device`, `source` (live or simulated), `calibration_text`, `configuration_text` and `learnt_text` (None where the
-    unit had learnt nothing before) are those of the daemon that recorded it. `damage` is one line that tells, after
+    unit had learnt nothing before) are those of the daemon that recorded it; `utc_offset_ns` is UTC less the clock of
+    all times, None where the recording does not tell it. `damage` is one line that tells, after
     `inputs` or `truth`, where and why reading had to stop before the recording's end; None if it did not. Raises
     DeviceError, one line, if the file is no recording of GaitEyes, is another version's, or is damaged before its first
     message.
@@ -97,6 +101,7 @@ class McapRecording:
             self._outputs_only = about.get("holds") == OUTPUTS
             self.device = about["device"]
             self.source = Source(about["source"])
+            self.utc_offset_ns = int(about[UTC_OFFSET]) if UTC_OFFSET in about else None
             self.calibration_text = texts[CALIBRATION_FILE]
             self.configuration_text = texts[CONFIGURATION_FILE]
             self.learnt_text = texts[LEARNT_FILE] if "learnt" in about else None

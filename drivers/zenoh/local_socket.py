@@ -25,8 +25,20 @@ def service_endpoint(device: str) -> str:
 
     Raises UserError, in one line, if there can be none.
     """
-    directory = SERVICE_DIRECTORY if _is_ours(SERVICE_DIRECTORY) else _made_own_directory()
-    return _endpoint(directory, device)
+    return _endpoint(service_directory(), device)
+
+
+def service_directory() -> Path:
+    """Return where a service of this user puts its sockets; private, and there from now on.
+
+    Raises UserError, in one line, if there can be none.
+    """
+    return SERVICE_DIRECTORY if _is_ours(SERVICE_DIRECTORY) else _made_own_directory()
+
+
+def service_directories() -> list[Path]:
+    """Return where services of this machine may have put their sockets, an installed one's first."""
+    return [SERVICE_DIRECTORY, *_own_directories()]
 
 
 def subscriber_endpoint(device: str) -> str:
@@ -34,7 +46,7 @@ def subscriber_endpoint(device: str) -> str:
 
     Raises UserError, in one line, if there is none.
     """
-    for directory in (SERVICE_DIRECTORY, *_own_directories()):
+    for directory in service_directories():
         if _is_socket(directory / f"{device}.sock"):
             return _endpoint(directory, device)
     may_enter = os.access(SERVICE_DIRECTORY, os.X_OK) or not SERVICE_DIRECTORY.exists()

@@ -9,9 +9,10 @@ import pytest
 
 from calib.files import format_calibration
 from cli.overlay import picture_files
-from cli.overlay.drawing import UP, Said, drawn, numbers
+from cli.overlay.drawing import drawn, numbers
 from cli.overlay.picture_files import open_pictures
 from cli.overlay.projection import Projection, Sight
+from cli.overlay.shapes import UP, Said
 from cli.replay import replay
 from daemon.recorder import Recorder, RecordingInfo
 from messages import (

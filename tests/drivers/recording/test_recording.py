@@ -1,3 +1,4 @@
+import dataclasses
 import itertools
 import re
 import signal
@@ -11,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
+from daemon.recorder import Recorder
 from drivers.protocols import DeviceError
 from drivers.recording.recording import LEFT_IMAGE, McapRecording
 from messages import GroundTruth, Input, LastingInput, StereoFrame
@@ -59,6 +61,14 @@ def test_what_the_recording_says_about_itself(recording: Path) -> None:
     assert (source.device, source.source) == (INFO.device, INFO.source)
     assert source.calibration_text == INFO.calibration_text
     assert source.configuration_text == INFO.configuration_text
+
+
+def test_utc_is_told_where_it_is_known(recording: Path, tmp_path: Path) -> None:
+    assert McapRecording(recording).utc_offset_ns is None
+    path = tmp_path / "utc.mcap"
+    recorder = Recorder(path, dataclasses.replace(INFO, utc_offset_ns=1_795_000_000_123_456_789))
+    recorder.close()
+    assert McapRecording(path).utc_offset_ns == 1_795_000_000_123_456_789
 
 
 def test_truth_is_told_apart_and_never_among_the_inputs(recording: Path) -> None:
