@@ -1,16 +1,17 @@
 """`gaiteyes check`: is this unit fit to be worn? Watches each device for some seconds and says what it finds."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from cli.options import CONFIG_FILE, ConfigFile, JsonFile
+
 
 def check(
-    config: Annotated[Path, typer.Option(help="Configuration file (TOML).")] = Path("gaiteyes.toml"),
+    config: ConfigFile = CONFIG_FILE,
     seconds: Annotated[float, typer.Option(min=1.0, max=60.0, help="How long to watch each device.")] = 3.0,
     self_test: Annotated[bool, typer.Option(help="Run the IMU's self-test; the unit must lie still.")] = True,
-    json: Annotated[Path | None, typer.Option(help="Write the findings for a program.")] = None,
+    json: JsonFile = None,
 ) -> None:
     """Check the devices that the configuration names, one after the other; exit code 1 if one is faulty."""
     from collections.abc import Callable, Iterator
@@ -18,8 +19,9 @@ def check(
     from functools import partial
 
     from calib.files import load_calibration
-    from cli.console import check_writable, progress, table, write_json
+    from cli.console import check_writable, table, write_json
     from cli.devices import build_imu, camera_opener
+    from cli.progress import progress
     from daemon import checkup
     from daemon.checkup import Finding, Verdict
     from daemon.config import load_configuration

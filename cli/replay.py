@@ -5,10 +5,12 @@ from typing import Annotated
 
 import typer
 
+from cli.options import JsonFile
+
 
 def replay(
     source: Annotated[Path, typer.Argument(help="An MCAP recording, or a folder in the EuRoC/ASL layout.")],
-    out: Annotated[Path | None, typer.Option(help="Write every estimate as one JSON object a line.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File to write: every estimate, as one JSON object a line.")] = None,
     config: Annotated[Path | None, typer.Option(help="Use this configuration instead of the source's.")] = None,
     overlay: Annotated[
         Path | None,
@@ -16,9 +18,9 @@ def replay(
             help="Draw what is said of each frame into its picture: a video (.mp4, .mkv, .avi) or a folder of PNGs."
         ),
     ] = None,
-    json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
+    json: JsonFile = None,
 ) -> None:
-    """Replay SOURCE through the pipeline; the same source gives the same bytes."""
+    """Replay a recording; the same source gives the same bytes."""
     from collections import Counter
     from contextlib import ExitStack, closing
 
@@ -27,6 +29,7 @@ def replay(
     from cli.console import RECORDING_CUT, check_writable, floor_table, score_table, table, write_json
     from cli.overlay.overlay import Overlay
     from cli.overlay.picture_files import open_pictures
+    from cli.progress import passing, working
     from daemon import replay as replaying
     from daemon.config import load_configuration
     from daemon.pipeline import Pipeline
@@ -46,7 +49,8 @@ def replay(
             files = stack.enter_context(closing(open_pictures(overlay, TOPICS["frame"].rate_hz)))
             drawing = Overlay(opened.calibration, foothold, files, lambda: pipeline.surfaces)
             observers.append(stack.enter_context(closing(drawing)))
-        replayed = replaying.replay(opened.inputs(), pipeline, out, observers)
+        tell = stack.enter_context(working("replaying"))
+        replayed = replaying.replay(passing(opened.inputs(), tell, "replaying: inputs"), pipeline, out, observers)
     damage = opened.damage()
 
     valid = sum(ground.status is Status.VALID for ground in replayed.grounds)

@@ -7,7 +7,7 @@ import msgspec
 
 from drivers.can.settings import CanSettings
 from drivers.zenoh.settings import ZenohSettings
-from messages.checked import checked
+from messages.checked import HEXADECIMAL, checked, is_hexadecimal
 from messages.text_files import parse_toml, read_text
 from perception.ground.foothold import FootholdSettings
 
@@ -20,7 +20,7 @@ class ImuSettings(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     bus: Annotated[int, msgspec.Meta(ge=0, le=255)] = 1
-    address: Annotated[int, msgspec.Meta(ge=0x68, le=0x69)] = 0x68
+    address: Annotated[int, msgspec.Meta(ge=0x68, le=0x69, extra=HEXADECIMAL)] = 0x68
     data_ready: Annotated[str, msgspec.Meta(pattern="^(/[^:]+:[0-9]{1,3})?$")] = ""
 
 
@@ -93,13 +93,15 @@ def format_configuration(configuration: Configuration) -> str:
     top: list[str] = []
     for name, value in msgspec.to_builtins(configuration).items():
         if isinstance(value, dict):
-            settings = (f"{key} = {_literal(item)}" for key, item in value.items() if item is not None)
+            settings = (f"{key} = {_literal(item, f'{name}.{key}')}" for key, item in value.items() if item is not None)
             tables += ["", f"[{name}]", *settings]
         else:
-            top.append(f"{name} = {_literal(value)}")
+            top.append(f"{name} = {_literal(value, name)}")
     return "\n".join(top + tables) + "\n"
 
 
-def _literal(value: object) -> str:
+def _literal(value: object, field: str) -> str:
+    if isinstance(value, int) and is_hexadecimal(Configuration, field):
+        return f"{value:#x}"
     # JSON's literals for strings, numbers and booleans are TOML's too
     return msgspec.json.encode(value).decode()
