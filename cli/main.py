@@ -12,6 +12,7 @@ from cli.demo import demo
 from cli.evaluate import evaluate
 from cli.explain import explain
 from cli.faults import faults
+from cli.init import init
 from cli.platform import platform
 from cli.replay import replay
 from cli.run import run
@@ -24,8 +25,9 @@ app = typer.Typer(
     rich_markup_mode=None,  # which takes [square brackets] for its own, and twice the time
     pretty_exceptions_enable=False,
 )
-app.command()(run)
+app.command()(init)
 app.command()(check)
+app.command()(run)
 app.command()(demo)
 app.command()(replay)
 app.command()(faults)
@@ -37,9 +39,9 @@ app.add_typer(explain, name="explain", cls=Commands)
 
 def _tell_version(asked: bool) -> None:
     if asked:
-        from gaiteyes import __version__
+        from importlib.metadata import version
 
-        typer.echo(f"gaiteyes {__version__}")
+        typer.echo(f"gaiteyes {version('gaiteyes')}")
         raise typer.Exit
 
 

@@ -85,7 +85,8 @@ def _allowed(kind: inspect.Type, field: str) -> str:
     """Return the range of a field in words, or nothing where it has none."""
     expected, as_written = _field(kind, field), "{:g}"
     if isinstance(expected, inspect.Metadata):
-        expected, as_written = expected.type, "{:#x}" if expected.extra == HEXADECIMAL else as_written
+        as_written = "{:#x}" if expected.extra == HEXADECIMAL else as_written
+        expected = expected.type
     if isinstance(expected, inspect.UnionType):
         expected, *_ = (kind for kind in expected.types if not isinstance(kind, inspect.NoneType))
     if isinstance(expected, inspect.EnumType):

@@ -72,7 +72,7 @@ def test_a_mistake_is_one_line_with_field_and_range(text: str, line: str) -> Non
 def test_no_toml_and_no_file_are_told_apart(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"^f\.toml: not TOML: .*line 1"):
         parse_configuration("[[[", "f.toml")
-    with pytest.raises(UserError, match=r"nowhere\.toml: No such file"):
+    with pytest.raises(UserError, match=r"nowhere\.toml: No such file or directory; `gaiteyes init` finds the devices"):
         load_configuration(tmp_path / "nowhere.toml")
 
 
