@@ -80,7 +80,7 @@ lock:
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[rig,lab,dev]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[rig,lab,c3d,dev]'
 	touch $@
 
 # The service and all it needs; then `systemctl enable --now gaiteyes`. Once more is an update.

@@ -70,8 +70,9 @@ def passing(items: Iterable[T], tell: Callable[[str], None], what: str, clock: C
     """Yield `items`, of which nobody knows how many there are, and `tell` once in LINE_EVERY_S how many have passed."""
     told_s = clock()
     for done, item in enumerate(items):
-        if clock() - told_s >= LINE_EVERY_S:
-            told_s = clock()
+        now_s = clock()
+        if now_s - told_s >= LINE_EVERY_S:
+            told_s = now_s
             tell(f"{what}: {done:,} so far")
         yield item
 
