@@ -1,12 +1,13 @@
 """`gaiteyes calibrate`: calibration files from what is known of a unit and measured on it, each with its seal."""
 
+import enum
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.options import JsonFile, ZedMode
+from cli.options import JsonFile
 
 if TYPE_CHECKING:  # every command imports what it needs when it is called
     from calib.wearer import WearerMeasurement
@@ -17,10 +18,19 @@ if TYPE_CHECKING:  # every command imports what it needs when it is called
 calibrate = typer.Typer(help="Make a unit's calibration file.", no_args_is_help=True)
 
 
+class Mode(str, enum.Enum):
+    """The resolutions of a ZED."""
+
+    TWO_K = "2K"
+    FHD = "FHD"
+    HD = "HD"
+    VGA = "VGA"
+
+
 @calibrate.command()
 def zed(
     conf: Annotated[Path, typer.Argument(help="The maker's file SNxxxxxxxx.conf of this camera.")],
-    mode: Annotated[ZedMode, typer.Option(help="Resolution the camera will run at; HD is 1280x720.")] = ZedMode.HD,
+    mode: Annotated[Mode, typer.Option(help="Resolution the camera will run at; HD is 1280x720.")] = Mode.HD,
     into: Annotated[Path | None, typer.Option(help="Take all but the stereo pair from this calibration file.")] = None,
     out: Annotated[Path, typer.Option(help="File to write; it may be the one of --into.")] = Path("calibration.yaml"),
     unit: Annotated[str | None, typer.Option(help="Name of the unit; by default made of the file's name.")] = None,

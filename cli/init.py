@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.options import CONFIG_FILE, JsonFile, ZedMode
+from cli.calibrate import Mode
+from cli.options import CONFIG_FILE, JsonFile
 
 if TYPE_CHECKING:
     from daemon.config import Configuration
@@ -35,7 +36,7 @@ def init(
     conf: Annotated[
         Path | None, typer.Option(help="A ZED's factory calibration SNxxxxxxxx.conf, which knows its lenses.")
     ] = None,
-    mode: Annotated[ZedMode, typer.Option(help="With --conf, the resolution; HD is 1280x720.")] = ZedMode.HD,
+    mode: Annotated[Mode, typer.Option(help="With --conf, the resolution; HD is 1280x720.")] = Mode.HD,
     baseline_mm: Annotated[
         float | None, typer.Option(min=20.0, max=500.0, help="Without --conf: distance of the two lenses, mm.")
     ] = None,
@@ -142,7 +143,7 @@ def _nominal(
     found: "FoundDevices",
     chosen: "Configuration",
     conf: Path | None,
-    mode: ZedMode,
+    mode: Mode,
     baseline_mm: float | None,
     view_deg: float | None,
 ) -> "UnitCalibration | None":

@@ -1,6 +1,5 @@
 """Options that mean the same in every command that has them."""
 
-import enum
 from pathlib import Path
 from typing import Annotated
 
@@ -9,15 +8,5 @@ import typer
 ConfigFile = Annotated[Path, typer.Option("--config", help="Configuration file (TOML); `gaiteyes init` writes one.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="File to write: the same facts for a program.")]
 Workers = Annotated[int, typer.Option("--workers", min=1, help="Processes on this machine.")]
-
-
-class ZedMode(str, enum.Enum):
-    """The resolutions of a ZED."""
-
-    TWO_K = "2K"
-    FHD = "FHD"
-    HD = "HD"
-    VGA = "VGA"
-
 
 CONFIG_FILE = Path("gaiteyes.toml")
