@@ -56,8 +56,11 @@ def run(
     imu = build_imu(configuration.imu)
     camera = ReplaceableCamera(camera_opener(configuration.camera, calibration))
     if not manager.is_there:
-        imu.open()
-        camera.open()
+        try:
+            imu.open()
+            camera.open()
+        except DeviceError as error:
+            raise DeviceError(f"{error}; `gaiteyes check` looks at each device and says what to do") from error
     try:
         outlets = open_outlets(configuration, calibration, retry_opening=manager.is_there)
     except DeviceError as error:
