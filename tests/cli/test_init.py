@@ -7,6 +7,7 @@ import msgspec
 import pytest
 
 from calib.files import load_calibration, save_calibration
+from calib.seal import sealed
 from cli.main import app
 from daemon.config import load_configuration
 from drivers.can.settings import CanInterface
@@ -71,8 +72,11 @@ def test_files_that_are_there_are_kept(plugged: Plugged) -> None:
     save_calibration(Path("calibration.yaml"), measured)
     with pytest.raises(UserError, match=r"gaiteyes\.toml: exists already; `gaiteyes check` looks at what it names"):
         init()
+    commented = sealed("# measured on Tuesday\n" + Path("calibration.yaml").read_text(encoding="utf-8"))
+    Path("calibration.yaml").write_text(commented, encoding="utf-8")
     init("--force")
     assert load_calibration(Path("calibration.yaml")) == measured
+    assert Path("calibration.yaml").read_text(encoding="utf-8") == commented
 
     Path("calibration.yaml").unlink()
     mine = f"device = 'mine'\n[camera]\ndevice = '{plugged.nodes[0].path}'\n"
