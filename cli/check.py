@@ -132,6 +132,8 @@ def _cure(subject: str, config: Path) -> str:
     """Return what to do about a device that cannot be used."""
     found = _found()
     there = {"IMU": found.imu, "camera": found.camera, "CAN": found.can}[subject]
+    if subject == "CAN" and found.can is not None and not found.can.is_up:
+        return f"sudo ip link set {found.can.channel} up type can bitrate 500000 restart-ms 100"
     if there is not None:
         return f"found is {there}: name it in {config}, or gaiteyes init --force"
     wires = {

@@ -46,7 +46,7 @@ def find_can(root: Path, ports: Ports) -> Iterator[FoundCan | str]:
     for link in sorted((root / "sys" / "class" / "net").glob("*")):
         if _number(link / "type", 10) == ARPHRD_CAN:
             is_up = bool(_number(link / "flags", 16) & IFF_UP)
-            what = "a CAN link, up" if is_up else f"a CAN link, down; `ip link set {link.name} up` starts it"
+            what = f"a CAN link, {'up' if is_up else 'down'}"
             yield FoundCan(interface=CanInterface.SOCKETCAN, channel=link.name, what=what, is_up=is_up)
     for device, called in sorted(ports()):
         channel = _lasting(root, device)

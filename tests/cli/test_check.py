@@ -82,6 +82,7 @@ def test_a_device_that_is_missing_is_told_with_where_it_was_found_instead(plugge
     assert code == 1
     assert "at 0x68 of /dev/i2c-4: name it in gaiteyes.toml, or gaiteyes init --force" in found["IMU"]["next"]
     assert found["camera"]["next"].startswith("plug it in; `v4l2-ctl --list-devices`")
+    assert found["CAN"]["next"].startswith("a virtual bus ends inside the service")
     assert found["calibration"]["next"] == "gaiteyes init"
 
 

@@ -61,8 +61,10 @@ def wearable() -> Iterator[Wearable]:
 
 def test_on_an_empty_machine_each_line_says_what_to_do(folder: Path) -> None:
     found = checked(folder)
-    assert faults(found) == {"configuration", "calibration", "IMU", "camera"}
+    assert faults(found) == {"configuration", "calibration", "IMU", "camera", "CAN"}
     assert all(each["next"] for each in found if each["verdict"] != "fine")
+    told = {each["subject"]: each["next"] for each in found}
+    assert told["CAN"].startswith("sudo ip link set can0 up type can bitrate")  # a controller is there, but down
     done = gaiteyes(folder, "run")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "`gaiteyes init` finds the devices" in done.stderr
