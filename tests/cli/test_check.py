@@ -93,3 +93,10 @@ def test_a_broken_configuration_is_one_line_and_a_broken_calibration_a_fault(plu
     Path("gaiteyes.toml").write_text("[imu]\nbus = 900\n", encoding="utf-8")
     with pytest.raises(UserError, match=r"gaiteyes\.toml: imu\.bus is 900"):
         check()
+
+
+def test_a_can_link_that_is_down_is_told_with_the_command_that_starts_it(plugged: Plugged) -> None:
+    plugged.can("nocan7", up=False)
+    code, found = check()
+    assert code == 1
+    assert found["CAN"]["next"] == "sudo ip link set nocan7 up type can bitrate 500000 restart-ms 100"
