@@ -70,17 +70,20 @@ format: $(INSTALLED)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-# Pinned names, versions and markers for every supported Python, made by uv.
+# Pinned names, versions and markers for every supported Python, made by uv; then whether a Jetson (JetPack 6) has a
+# wheel of each.
 lock:
 	$(PYTHON) -m venv $(VENV)-lock
 	$(VENV)-lock/bin/pip install --quiet uv
 	$(VENV)-lock/bin/uv pip compile --quiet --universal --python-version 3.10 --all-extras --no-header \
 		--no-annotate --no-emit-index-url --no-emit-find-links pyproject.toml --output-file constraints.txt
+	$(VENV)-lock/bin/uv pip compile --quiet --python-platform aarch64-manylinux_2_35 --python-version 3.10 \
+		--only-binary :all: --extra rig --extra lab --extra cluster --constraint constraints.txt pyproject.toml > /dev/null
 	rm -rf $(VENV)-lock
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[rig,lab,dev]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[rig,lab,c3d,dev]'
 	touch $@
 
 # The service and all it needs; then `systemctl enable --now gaiteyes`. Once more is an update.

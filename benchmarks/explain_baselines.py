@@ -17,7 +17,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from cli.console import console, progress, table, write_json
+from cli.console import console, table, write_json
+from cli.progress import progress
 from lab.baselines.judged_case import FINDER, JudgedCase, judged
 from lab.baselines.models import BASELINES
 from lab.court.plan import SYSTEMS

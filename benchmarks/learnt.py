@@ -5,7 +5,7 @@ import argparse
 import cv2
 import numpy as np
 
-from cli.console import progress
+from cli.progress import progress
 from lab.evaluation.warm_start import PowerUp, warm_start
 
 

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cli.console import console, progress, table, write_json
+from cli.console import console, table, write_json
+from cli.progress import progress
 from impedance.identification.bound import propagated, true_information
 from impedance.identification.identification import (
     BAND_SHARE,

@@ -110,6 +110,8 @@ _INDEX = re.compile(r"\[(\d+)\]")
 
 def load_calibration(path: Path) -> UnitCalibration:
     """Return the calibration that the sealed file holds; raises UserError, one line, where it cannot be used."""
+    if not path.exists():
+        raise CalibrationError(f"{path}: No such file or directory; `gaiteyes init` makes a nominal one, to begin with")
     text = read_text(path)
     check_seal(text, str(path))
     return parse_calibration(text, str(path))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from messages.constants import STANDARD_GRAVITY_MPS2
+from cli.options import JsonFile
 
 if TYPE_CHECKING:  # every command imports what it needs when it is called
     from calib.wearer import WearerMeasurement
@@ -16,8 +16,6 @@ if TYPE_CHECKING:  # every command imports what it needs when it is called
     from messages import Learnt, UnitCalibration
 
 calibrate = typer.Typer(help="Make a unit's calibration file.", no_args_is_help=True)
-
-JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")]
 
 
 class Mode(str, enum.Enum):
@@ -204,6 +202,7 @@ def _tell(file: Path, calibration: "UnitCalibration") -> None:
     """Print what a person can compare with the unit in the hand."""
     from cli.console import table
     from messages import StereoCalibration
+    from messages.constants import STANDARD_GRAVITY_MPS2
 
     camera, imu, residual = calibration.camera, calibration.imu, calibration.residual
     if isinstance(camera, StereoCalibration):

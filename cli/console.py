@@ -1,20 +1,18 @@
-"""What the commands share in front of a person: tables, progress, JSON files."""
+"""What the commands share in front of a person: tables, JSON files."""
 
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from lab.evaluation.floor import FloorScore
 from lab.evaluation.score import Score
 from messages.errors import UserError
 
-T = TypeVar("T")
 _WIDTH_OF_A_FILE = 110
 
 RECORDING_CUT = 3
@@ -22,7 +20,8 @@ RECORDING_CUT = 3
 VOID = 4
 """The exit code of a measurement in real time on a host that was too busy for it: its figures tell nothing."""
 
-console = Console() if sys.stdout.isatty() else Console(width=_WIDTH_OF_A_FILE)
+console = Console(markup=False, highlight=False, width=None if sys.stdout.isatty() else _WIDTH_OF_A_FILE)
+"""Prints what it gets: the [square brackets] of a file's name or of a unit are no markup."""
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], *, words: bool = False) -> None:
@@ -77,11 +76,6 @@ def write_json(path: Path, facts: Any) -> None:
         path.write_bytes(msgspec.json.format(msgspec.json.encode(facts), indent=2) + b"\n")
     except OSError as error:
         raise UserError(f"--json {path}: {error.strerror}") from error
-
-
-def progress(items: Sequence[T], what: str) -> Iterable[T]:
-    """Yield `items` behind a progress bar."""
-    return track(items, description=what, console=console)
 
 
 def seed_list(text: str) -> list[int]:

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from cli.options import JsonFile
+
 
 def demo(
     seconds: Annotated[float, typer.Option(min=1.0, help="Length of the walk.")] = 60.0,
@@ -31,9 +33,11 @@ def demo(
     perfect_calibration: Annotated[
         bool, typer.Option(help="Calibration without its usual errors; results say so.")
     ] = False,
-    json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
+    json: JsonFile = None,
 ) -> None:
-    """Let the simulated wearer walk in real time and report how accurate the ground estimates were.
+    """Let a simulated wearer walk, and judge the ground estimates.
+
+    In real time, through the same service as on hardware.
 
     Exit code 4: the host was too busy, so that the figures are void.
     """

@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cli.options import JsonFile
+
 if TYPE_CHECKING:
     from lab.evaluation.causes.ledger import Ledger
 
 evaluate = typer.Typer(help="Accuracy against known truth.", no_args_is_help=True)
 
-JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")]
 PlotFile = Annotated[Path | None, typer.Option("--plot", help="Draw the causes; the ending chooses the format.")]
 Recording = Annotated[
     Path | None, typer.Argument(help="A recording with truth instead: of the rig, or a folder in the ASL layout.")
@@ -62,7 +63,8 @@ def rig(
 
     needs("gaiteyes evaluate rig", "skimage")
 
-    from cli.console import check_writable, progress, score_table, seed_list, write_json
+    from cli.console import check_writable, score_table, seed_list, write_json
+    from cli.progress import progress
     from lab.evaluation.offline import score_walk
     from lab.evaluation.score import Scoreboard
     from sim_rig.walk.scenario import scenario_names
@@ -104,8 +106,9 @@ def attitude(
     json: JsonFile = None,
 ) -> None:
     """Logs of an IMU beside their truth: inclination error of the attitude filter, and of VQF, log by log."""
-    from cli.console import check_writable, progress, write_json
+    from cli.console import check_writable, write_json
     from cli.evaluate_tables import attitude_table
+    from cli.progress import progress
     from lab.evaluation.imu_logs.log import read_logs
     from lab.evaluation.imu_logs.score import judge, together
 
@@ -177,8 +180,9 @@ def _split_by_cause(
     """Run every unit, or replay the recording, and tell what each cause makes of the errors."""
     import cv2
 
-    from cli.console import check_writable, progress, seed_list, write_json
+    from cli.console import check_writable, seed_list, write_json
     from cli.evaluate_tables import cause_table, explanation
+    from cli.progress import progress, working
     from lab.evaluation.causes.ledger import Ledger
     from lab.evaluation.causes.plot import draw
     from lab.evaluation.causes.recorded import split
@@ -198,7 +202,8 @@ def _split_by_cause(
             run(seed, ledger)
     else:
         title = str(recording)
-        ledger, explained = split(recording)
+        with working("replaying"):
+            ledger, explained = split(recording)
         facts["explained"] = explained
     scores = ledger.scores()
     cause_table(title, scores)

@@ -9,6 +9,7 @@ import typer
 from cli.explain_court import court
 from cli.explain_effects import effects
 from cli.explain_tables import tables
+from cli.options import JsonFile
 
 if TYPE_CHECKING:
     from discrepancy.explanation import Explanation
@@ -21,7 +22,7 @@ _SYSTEMS = {
 }
 
 explain = typer.Typer(
-    help="Show what a simulation gets wrong in a recording, name the cause, extend the model, measure the gain.",
+    help="Find what a simulation gets wrong in a recording, and why.",
     no_args_is_help=True,
 )
 explain.command()(court)
@@ -40,9 +41,10 @@ def _command(system: str) -> Callable[..., None]:
         without: Annotated[str, typer.Option(help="Leave these effects out of the library, with commas.")] = "",
         report: Annotated[bool, typer.Option(help="Draw report.html, which needs matplotlib.")] = True,
         seed: Annotated[int, typer.Option(min=0, help="Seed of the random resampling for intervals.")] = 1,
-        json: Annotated[Path | None, typer.Option("--json", help="Write the verdict into this file too.")] = None,
+        json: JsonFile = None,
     ) -> None:
         from cli.console import check_writable, console
+        from cli.progress import working
         from discrepancy import explain as explained
         from discrepancy.report.output import check_report, write_report
         from discrepancy.restricted import check_names
@@ -53,19 +55,19 @@ def _command(system: str) -> Callable[..., None]:
         if report:
             check_report()
         tried, left_out = _names(only), _names(without)
-        with console.status("reading the recording") as status:
+        with working("reading the recording") as now:
             fit = _loaded(system, recording)
             check_names("--only", tried, fit)
             check_names("--without", left_out, fit)
             other = None if held_out is None else restricted(_loaded(system, held_out), left_out)
-            status.update("searching for effects that the simulation lacks")
+            now("searching for effects that the simulation lacks")
             explanation = explained(restricted(fit, left_out), other, seed=seed, only=tried)
-            status.update("writing the results")
+            now("writing the results")
             write_report(explanation, out, report=report)
         if json is not None:
             _write(json, to_json(explanation.verdict))
         _print(explanation)
-        console.print(f"written to {out}", highlight=False)
+        console.print(f"written to {out}")
 
     recording.__doc__ = _SYSTEMS[system]
     return recording
@@ -97,7 +99,7 @@ def simulate(
     base = {name: value for name, value in values.items() if name in own}
     text = beside_text(simulation.channels, predicted(simulation, base), predicted(simulation, values))
     _write(out, text.encode())
-    console.print(f"written to {out}", highlight=False)
+    console.print(f"written to {out}")
 
 
 def _loaded(system: str, folder: Path) -> "Simulation":
@@ -129,7 +131,7 @@ def _print(explanation: "Explanation") -> None:
     from discrepancy.report.wording import headline, parameter_words, quantity_text, share_text, words
 
     verdict, gain = explanation.verdict, explanation.verdict.gain
-    console.print(headline(verdict), style="bold", highlight=False)
+    console.print(headline(verdict), style="bold")
     rows = [
         [words(cause.name), parameter_words(name), *quantity_text(quantity)]
         for cause in verdict.causes
@@ -138,7 +140,7 @@ def _print(explanation: "Explanation") -> None:
     if rows:
         table("Causes", ["cause", "parameter", "value", "95 %", "unit"], rows)
     for effect in explanation.causes:
-        console.print(f"- {words(effect.name)}: {effect.explanation} {effect.remedy}", highlight=False, markup=False)
+        console.print(f"- {words(effect.name)}: {effect.explanation} {effect.remedy}")
     console.print(
         f"held-out error {share_text(gain.held_out_nrmse_before)} → {share_text(gain.held_out_nrmse_after)}, noise "
         f"{share_text(gain.noise_floor_nrmse)}; {share_text(gain.share_of_excess_removed)} of the error's power above "
@@ -146,4 +148,4 @@ def _print(explanation: "Explanation") -> None:
         highlight=False,
     )
     if verdict.next_experiment:
-        console.print(f"next experiment: {verdict.next_experiment}", highlight=False, markup=False)
+        console.print(f"next experiment: {verdict.next_experiment}")

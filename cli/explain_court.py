@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cli.options import JsonFile, Workers
+
 if TYPE_CHECKING:
     from lab.court.score import SystemScore
 
@@ -18,14 +20,14 @@ def court(
     out: Annotated[Path, typer.Option(help="Folder of the results; what is there already is not run again.")] = Path(
         "court"
     ),
-    workers: Annotated[int, typer.Option(min=1, help="Processes on this machine.")] = 2,
+    workers: Workers = 2,
     scheduler: Annotated[
         str | None, typer.Option(help="A dask scheduler's address: use its workers instead of this machine's.")
     ] = None,
     development: Annotated[
         bool, typer.Option("--development", help="Take the recorded seeds that development may look at.")
     ] = False,
-    json: Annotated[Path | None, typer.Option("--json", help="Write the figures for a program.")] = None,
+    json: JsonFile = None,
 ) -> None:
     """Test the finder on hidden effects. Their random seeds come from the operating system and are shown afterwards."""
     from messages.extras import needs
@@ -52,12 +54,12 @@ def court(
     every = [slot for of_system in asked.values() for slot in of_system]
     check_same_court(every, out, development=development)
     done = sum((out / slot.file_name).exists() for slot in every)
-    console.print(f"{len(every)} cases, {done} of them finished before; results in {out}", highlight=False)
+    console.print(f"{len(every)} cases, {done} of them finished before; results in {out}")
 
     def tell(result: Result) -> None:
         nonlocal done
         done += 1
-        console.print(f"{done:4d}/{len(every)}  {result.line}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"{done:4d}/{len(every)}  {result.line}", soft_wrap=True)
 
     with executor(workers, scheduler) as pool:
         run(every, out, pool, development=development, tell=tell)

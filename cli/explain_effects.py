@@ -7,9 +7,7 @@ import typer
 
 
 def effects(
-    out: Annotated[
-        Path | None, typer.Option(help="Write the page with all parameters into this Markdown file.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Markdown file to write: the page with all parameters.")] = None,
 ) -> None:
     """List every effect of every system's library."""
     from cli.console import console, table
@@ -24,4 +22,4 @@ def effects(
             out.write_text(page(by_system), encoding="utf-8")
         except OSError as error:
             raise UserError(f"--out {out}: {error.strerror}") from error
-        console.print(f"written to {out}", highlight=False)
+        console.print(f"written to {out}")

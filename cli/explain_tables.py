@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cli.options import JsonFile, Workers
+
 if TYPE_CHECKING:
     from lab.thesis.hypotheses import Sizes
     from lab.thesis.search import Candidate
@@ -21,17 +23,16 @@ def tables(
     best: Annotated[int, typer.Option(min=1, help="Best pairs of either estimator that are simulated.")] = 16,
     random: Annotated[int, typer.Option(min=1, help="Random pairs that are simulated.")] = 20,
     flips: Annotated[int, typer.Option(min=19, help="Made-up tables that the best pair is compared on.")] = 200,
-    processes: Annotated[int, typer.Option(min=1, help="Processes that simulate.")] = 2,
-    json: Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")] = None,
+    workers: Workers = 2,
+    json: JsonFile = None,
 ) -> None:
     """Ask which effect or pair of effects best reproduces the experimental columns of the thesis's Tables 1 and 2.
 
     Every cause is simulated through the thesis's own estimator at several sizes. Sizes are fitted on the 29 and 40 Hz
     columns; 67 Hz is predicted, and the plate must stay right.
     """
-    from rich.progress import track
-
     from cli.console import check_writable, console, table, write_json
+    from cli.progress import counted
     from messages.extras import needs
 
     check_writable(json)
@@ -40,10 +41,10 @@ def tables(
     from lab.thesis.verdict import Effort, judged
 
     def shown(steps: "Iterable[Sizes]", count: int, what: str) -> None:
-        for _ in track(steps, description=what, total=count, console=console):
+        for _ in counted(steps, count, what):
             pass
 
-    found = judged(Study(out, seed, seconds), Effort(best, random, flips, processes), shown)
+    found = judged(Study(out, seed, seconds), Effort(best, random, flips, workers), shown)
     columns = ["cause and its size", "J ≥ 0", "29, 40 Hz", "foot, 67 Hz", "plate", "Jx 0.0", "missed"]
     how = f"RMS misfit in tolerances, {seconds:g} s, seed {seed}"
     table(f"One cause: {how}", columns, [_row(c) for c in [found.base, *_once(found.singles)[:_SHOWN]]])
@@ -52,9 +53,9 @@ def tables(
     table(f"Two causes drawn at random: {how}", columns, [_row(c) for c in found.random[:_SHOWN]])
     table("The best, with the same sizes, other torque steps and other noise", columns, [_row(c) for c in found.again])
     _table_of_best(found)
-    console.print(f"verdict: {found.verdict}", style="bold", highlight=False)
+    console.print(f"verdict: {found.verdict}", style="bold")
     for sentence in found.sentences:
-        console.print(f"- {sentence}", highlight=False, markup=False)
+        console.print(f"- {sentence}")
     if json is not None:
         write_json(json, found.facts)
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from cli.options import JsonFile
+
 
 def faults(
     only: Annotated[str | None, typer.Option(help="Names of faults, or their beginnings, with commas.")] = None,
@@ -15,9 +17,11 @@ def faults(
         Path | None, typer.Option(help="Keep each trial as it ends in this file, and go on with what it lacks.")
     ] = None,
     log: Annotated[Path | None, typer.Option(help="Keep what the daemon logged in this file.")] = None,
-    json: Annotated[Path | None, typer.Option(help="Write all results for a program.")] = None,
+    json: JsonFile = None,
 ) -> None:
-    """Inject faults into the daemon's simulated hardware; measure how soon each is flagged, and every wrong value.
+    """Let the simulated hardware fail; measure what the service says.
+
+    How soon each fault is flagged, and every wrong value.
 
     Exit codes: 1 a trial failed; 4 none did, but the host was too busy for some of them, whose figures are void.
     """
@@ -45,7 +49,7 @@ def faults(
     chosen = list(CATALOGUE.values()) if only is None else named(only)
     if show:
         for fault in chosen:
-            console.print(listing(fault), highlight=False, soft_wrap=True)
+            console.print(listing(fault), soft_wrap=True)
         return
     check_writable(json)
     trials = [Trial((fault,)) for fault in chosen]
@@ -66,7 +70,7 @@ def faults(
             kept.add(attempt)
         minutes = (time.monotonic() - began_s) / 60
         text = f"{done:3d}/{len(left)}  {minutes:4.1f} min  {line(attempt.trial)}"
-        console.print(text, highlight=False, soft_wrap=True)
+        console.print(text, soft_wrap=True)
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # whoever ends it, nothing is left running
     with tempfile.TemporaryDirectory(prefix="gaiteyes-faults-") as folder:

@@ -56,7 +56,7 @@ class LiveStatus:
             if self._manager is not None and self._manager.is_there:
                 self._manager.status(seen)
             else:
-                console.print(line, highlight=False, soft_wrap=True)
+                console.print(line, soft_wrap=True)
 
     def _seen(self) -> str:
         ground = self._tally.ground

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cli.options import JsonFile
+
 if TYPE_CHECKING:
     from impedance.ankle.table import AnkleTable
 
@@ -25,13 +27,16 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="Draws the person, the steps and the noise.")] = 1,
 ) -> None:
     """Simulate a person on the platform; truth.toml beside the trial holds the true impedance."""
+    from cli.progress import working
     from impedance.ankle.table import save_table
     from impedance.ankle.trial import Perturbation, save_trial
     from sim_rig.platform.ankle import AnkleNoise, measured, true_table, walk
     from sim_rig.platform.ankle_person import person
 
     kind = Perturbation.RAMP if ramps else Perturbation.RANDOM
-    run = walk(person(seed, walks=not standing), [kind] * cycles + [Perturbation.NONE] * unperturbed, seed, slope_deg)
+    kinds = [kind] * cycles + [Perturbation.NONE] * unperturbed
+    with working("simulating"):
+        run = walk(person(seed, walks=not standing), kinds, seed, slope_deg)
     save_trial(out, measured(run, AnkleNoise(snr_db=snr_db), seed))
     save_table(out / "truth.toml", true_table(run))
 
@@ -41,10 +46,11 @@ def identify(
     trial: Annotated[Path, typer.Argument(help="Folder with trial.toml, cycles.csv and events.csv.")],
     out: Annotated[Path, typer.Option(help="The file to write.")] = Path("ankle_impedance.toml"),
     plot: Annotated[Path | None, typer.Option(help="Draw the curves into this PNG.")] = None,
-    json: Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")] = None,
+    json: JsonFile = None,
 ) -> None:
     """Identify stiffness, damping and inertia about both axes, with 95 % intervals."""
     from cli.console import check_writable, console, write_json
+    from cli.progress import working
     from impedance.ankle.impedance import identify as identified
     from impedance.ankle.plot import draw
     from impedance.ankle.table import save_table, table_of
@@ -52,7 +58,8 @@ def identify(
 
     check_writable(json)
     recorded = load_trial(trial)
-    found = table_of(recorded, identified(recorded))
+    with working("identifying"):
+        found = table_of(recorded, identified(recorded))
     save_table(out, found)
     _print(found)
     if plot is not None:

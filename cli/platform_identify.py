@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")]
+from cli.options import JsonFile
 
 
 def identify(
@@ -23,16 +23,18 @@ def identify(
 ) -> None:
     """Identify the plate, or the foot where one is mounted: ten parameters with 95 % intervals."""
     from cli.console import check_writable, console, table, write_json
+    from cli.progress import working
     from impedance.identification.identification import identify as identified
     from impedance.identification.report import HEADING, facts, parameter_rows, remarks, write_report
     from impedance.recording.recording import PlatformRecording
 
     check_writable(json)
-    known = None if plate is None else identified(PlatformRecording.load(plate), joint=joint, weighed=weighed).known
-    found = identified(PlatformRecording.load(recording), known, joint, weighed=weighed)
+    with working("identifying"):
+        known = None if plate is None else identified(PlatformRecording.load(plate), joint=joint, weighed=weighed).known
+        found = identified(PlatformRecording.load(recording), known, joint, weighed=weighed)
     table(f"Inertia of the {found.what}, about its centre of gravity", HEADING, parameter_rows(found))
     for remark in remarks(found):
-        console.print(f"- {remark}", highlight=False, markup=False)
+        console.print(f"- {remark}")
     if out is not None:
         write_report(found, out)
     if json is not None:
@@ -52,7 +54,8 @@ def design(
     """Design the excitation that determines J_yy best: least time per amplitude, and the bound for any motion."""
     import numpy as np
 
-    from cli.console import check_writable, progress, table, write_json
+    from cli.console import check_writable, table, write_json
+    from cli.progress import progress
     from impedance.identification.experiment import MotionLimits
     from sim_rig.platform.design import AMPLITUDES_DEG, COLUMNS, designed_for
 

@@ -13,10 +13,12 @@ def import_c3d(
 ) -> None:
     """Bring a C3D file into the recording format, checked."""
     from cli.console import console
+    from cli.progress import working
     from impedance.recording.c3d import read_c3d
 
-    recording = read_c3d(file, layout)
+    with working("reading"):
+        recording = read_c3d(file, layout)
     recording.save(out)
     for note in recording.notes:
-        console.print(note, highlight=False)
-    console.print(f"{out}: {len(recording.t_s)} poses, {len(recording.force_t_s)} wrenches", highlight=False)
+        console.print(note)
+    console.print(f"{out}: {len(recording.t_s)} poses, {len(recording.force_t_s)} wrenches")

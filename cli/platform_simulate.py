@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from cli.options import JsonFile
+
 
 def simulate(
     out: Annotated[Path, typer.Option(help="Folder to write the recording to.")],
@@ -20,7 +22,7 @@ def simulate(
     extended: Annotated[
         Path | None, typer.Option(help="extended.toml of `explain platform`: simulate its effects and its body.")
     ] = None,
-    json: Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")] = None,
+    json: JsonFile = None,
 ) -> None:
     """Simulate the vibrating platform and write what its instruments record.
 
@@ -38,6 +40,7 @@ def simulate(
     needs("gaiteyes platform simulate", "mujoco")
     if picture is not None:
         needs("--picture", "matplotlib")
+    from cli.progress import working
     from discrepancy.report.extended import read_extended
     from sim_rig.platform.extended.simulate import Run
     from sim_rig.platform.extended.simulate import extended as simulated_extended
@@ -51,10 +54,12 @@ def simulate(
             raise UserError("--picture: draws the rig as it is, without --extended")
         model = read_extended(extended, "platform")
         settings = Run(foot=foot, update_hz=rate, duration_s=seconds, seed=seed, noise=noise, raw=raw)
-        recording, truth = simulated_extended(settings, model.parameters, model.effects, str(extended))
+        with working("simulating"):
+            recording, truth = simulated_extended(settings, model.parameters, model.effects, str(extended))
     else:
         rig = Rig(foot=FOOT if foot else None)
-        run = simulated(RunSettings(rig=rig, update_hz=rate, duration_s=seconds, raw=raw), seed)
+        with working("simulating"):
+            run = simulated(RunSettings(rig=rig, update_hz=rate, duration_s=seconds, raw=raw), seed)
         recording, truth = measured(run, THESIS_NOISE if noise else None, seed, PLATE if foot else None), run.truth
         if picture is not None:
             draw(run, picture)

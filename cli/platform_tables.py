@@ -1,9 +1,10 @@
 """`gaiteyes platform tables`: the thesis's Tables 1 and 2, printed figures beside this simulation's."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from cli.options import JsonFile
 
 
 def tables(
@@ -13,13 +14,14 @@ def tables(
     ablations: Annotated[
         bool, typer.Option("--ablations", help="Show what each single cause changes, beside the printed anomalies.")
     ] = False,
-    json: Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")] = None,
+    json: JsonFile = None,
 ) -> None:
     """Reproduce the thesis's Tables 1 and 2 with its own estimator, beside the printed figures.
 
     The simulated columns are at 40 Hz; "w/ noise" is the mean and deviation over the draws.
     """
-    from cli.console import check_writable, progress, table, write_json
+    from cli.console import check_writable, table, write_json
+    from cli.progress import progress
     from messages.extras import needs
 
     check_writable(json)

@@ -5,10 +5,12 @@ from typing import Annotated
 
 import typer
 
+from cli.options import JsonFile
+
 
 def replay(
     source: Annotated[Path, typer.Argument(help="An MCAP recording, or a folder in the EuRoC/ASL layout.")],
-    out: Annotated[Path | None, typer.Option(help="Write every estimate as one JSON object a line.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File to write: every estimate, as one JSON object a line.")] = None,
     config: Annotated[Path | None, typer.Option(help="Use this configuration instead of the source's.")] = None,
     overlay: Annotated[
         Path | None,
@@ -24,9 +26,9 @@ def replay(
         Path | None,
         typer.Option(help="Write the IMU's samples as FOLDER/imu.csv, for a laboratory's reference beside it."),
     ] = None,
-    json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
+    json: JsonFile = None,
 ) -> None:
-    """Replay SOURCE through the pipeline; the same source gives the same bytes."""
+    """Replay a recording; the same source gives the same bytes."""
     from collections import Counter
     from contextlib import ExitStack, closing
 
@@ -36,6 +38,7 @@ def replay(
     from cli.imu_table import ImuTable
     from cli.overlay.overlay import Overlay
     from cli.overlay.picture_files import open_pictures
+    from cli.progress import passing, working
     from cli.scene.foxglove_file import LAYOUT, FoxgloveFile
     from daemon import replay as replaying
     from daemon.config import load_configuration
@@ -64,7 +67,8 @@ def replay(
         if imu is not None:
             samples = ImuTable(imu, opened.utc_offset_ns)
             observers.append(stack.enter_context(closing(samples)))
-        replayed = replaying.replay(opened.inputs(), pipeline, out, observers)
+        tell = stack.enter_context(working("replaying"))
+        replayed = replaying.replay(passing(opened.inputs(), tell, "replaying: inputs"), pipeline, out, observers)
     damage = opened.damage()
 
     valid = sum(ground.status is Status.VALID for ground in replayed.grounds)

@@ -5,9 +5,11 @@ from typing import Annotated
 
 import typer
 
+from cli.options import CONFIG_FILE, ConfigFile, JsonFile
+
 
 def run(
-    config: Annotated[Path, typer.Option(help="Configuration file (TOML).")] = Path("gaiteyes.toml"),
+    config: ConfigFile = CONFIG_FILE,
     seconds: Annotated[
         float | None, typer.Option(min=1.0, help="Stop after this time; by default run until stopped.")
     ] = None,
@@ -16,9 +18,9 @@ def run(
     outputs_only: Annotated[
         bool, typer.Option(help="Record estimates alone: no picture, no sample; it cannot be replayed.")
     ] = False,
-    json: Annotated[Path | None, typer.Option(help="Write the summary for a program.")] = None,
+    json: JsonFile = None,
 ) -> None:
-    """Run the daemon on the IMU and the camera that the configuration names.
+    """Run the service on this unit's IMU and camera.
 
     Started by hand it ends at once, with one line, if a device is missing; started by a service manager it reports
     the missing device and keeps trying, because nobody is there to start it again.
@@ -54,8 +56,11 @@ def run(
     imu = build_imu(configuration.imu)
     camera = ReplaceableCamera(camera_opener(configuration.camera, calibration))
     if not manager.is_there:
-        imu.open()
-        camera.open()
+        try:
+            imu.open()
+            camera.open()
+        except DeviceError as error:
+            raise DeviceError(f"{error}; `gaiteyes check` looks at each device and says what to do") from error
     try:
         outlets = open_outlets(configuration, calibration, retry_opening=manager.is_there)
     except DeviceError as error:

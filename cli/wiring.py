@@ -64,9 +64,7 @@ def check_recording(record: Path | None, last_s: float | None, outputs_only: boo
 
 def tell_recording(recorder: Recorder, path: Path) -> None:
     """Say what became of a recording; raises typer.Exit with RECORDING_CUT if it stopped before its end."""
-    console.print(
-        recorder.failed or f"recorded to {path}, {recorder.dropped} messages dropped", highlight=False, soft_wrap=True
-    )
+    console.print(recorder.failed or f"recorded to {path}, {recorder.dropped} messages dropped", soft_wrap=True)
     if recorder.failed is not None:
         raise typer.Exit(RECORDING_CUT)
 

@@ -1,5 +1,6 @@
 """The daemon's configuration: one TOML file, checked on load, every value with its default and its range."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -7,7 +8,8 @@ import msgspec
 
 from drivers.can.settings import CanSettings
 from drivers.zenoh.settings import ZenohSettings
-from messages.checked import checked
+from messages import UserError
+from messages.checked import HEXADECIMAL, checked, is_hexadecimal
 from messages.text_files import parse_toml, read_text
 from perception.ground.foothold import FootholdSettings
 
@@ -20,7 +22,7 @@ class ImuSettings(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     bus: Annotated[int, msgspec.Meta(ge=0, le=255)] = 1
-    address: Annotated[int, msgspec.Meta(ge=0x68, le=0x69)] = 0x68
+    address: Annotated[int, msgspec.Meta(ge=0x68, le=0x69, extra=HEXADECIMAL)] = 0x68
     data_ready: Annotated[str, msgspec.Meta(pattern="^(/[^:]+:[0-9]{1,3})?$")] = ""
 
 
@@ -86,6 +88,8 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
 
 def load_configuration(path: Path) -> Configuration:
     """Return the configuration that the file holds; raises UserError, one line with file, field and allowed range."""
+    if not path.exists():
+        raise UserError(f"{path}: No such file or directory; `gaiteyes init` finds the devices and writes one")
     return parse_configuration(read_text(path), str(path))
 
 
@@ -96,17 +100,40 @@ def parse_configuration(text: str, where: str) -> Configuration:
 
 def format_configuration(configuration: Configuration) -> str:
     """Return the text of a file that holds `configuration`, defaults included."""
+    return _format(configuration, lambda _field: True)
+
+
+def format_choices(configuration: Configuration) -> str:
+    """Return the text of a file with what a person has to choose; what it leaves out has its default.
+
+    Raises ValueError if `configuration` differs from the defaults in anything else.
+    """
+    camera = _EYES_APART if configuration.camera.left is not None else _ONE_CAMERA
+    text = _format(configuration, lambda field: field in _CHOICES + camera)
+    if parse_configuration(text, "choices") != configuration:
+        raise ValueError(f"a configuration of more than {', '.join(_CHOICES + camera)}")
+    return text
+
+
+_CHOICES = ("device", "calibration", "imu.bus", "imu.address", "imu.data_ready", "can.interface", "can.channel")
+_ONE_CAMERA, _EYES_APART = ("camera.device",), ("camera.left", "camera.right")
+
+
+def _format(configuration: Configuration, is_shown: Callable[[str], bool]) -> str:
     tables: list[str] = []
     top: list[str] = []
     for name, value in msgspec.to_builtins(configuration).items():
         if isinstance(value, dict):
-            settings = (f"{key} = {_literal(item)}" for key, item in value.items() if item is not None)
-            tables += ["", f"[{name}]", *settings]
-        else:
-            top.append(f"{name} = {_literal(value)}")
+            shown = [key for key, item in value.items() if item is not None and is_shown(f"{name}.{key}")]
+            settings = [f"{key} = {_literal(value[key], f'{name}.{key}')}" for key in shown]
+            tables += ["", f"[{name}]", *settings] if settings else []
+        elif is_shown(name):
+            top.append(f"{name} = {_literal(value, name)}")
     return "\n".join(top + tables) + "\n"
 
 
-def _literal(value: object) -> str:
+def _literal(value: object, field: str) -> str:
+    if isinstance(value, int) and is_hexadecimal(Configuration, field):
+        return f"{value:#x}"
     # JSON's literals for strings, numbers and booleans are TOML's too
     return msgspec.json.encode(value).decode()

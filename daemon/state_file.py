@@ -30,6 +30,10 @@ class BrokenStateError(UserError):
     """The file does not hold what was written into it."""
 
 
+class OtherFormatError(UserError):
+    """The file was written by another version, which keeps something else in it."""
+
+
 class State(msgspec.Struct, frozen=True, kw_only=True):
     """What the first line says. `written` is the wall clock's, for a person."""
 
@@ -48,8 +52,8 @@ def state_path(configuration_path: Path, configuration: Configuration) -> Path:
 def read_state(path: Path, calibration: UnitCalibration) -> State | None:
     """Return the state that the file holds, None where there is no file.
 
-    Raises BrokenStateError where it is not as it was written, and UserError where it cannot be read or does not belong
-    to `calibration`; both in one line.
+    Raises BrokenStateError where it is not as it was written, OtherFormatError where another version wrote it, and
+    UserError where it cannot be read or does not belong to `calibration`; all in one line.
     """
     try:
         with path.open("rb") as file:
@@ -64,7 +68,7 @@ def read_state(path: Path, calibration: UnitCalibration) -> State | None:
     document = _json(body, str(path))
     found_format = document.get("format") if isinstance(document, dict) else None
     if found_format != FORMAT:
-        raise UserError(f"{path}: its format is '{found_format}', allowed '{FORMAT}'")
+        raise OtherFormatError(f"{path}: its format is '{found_format}', allowed '{FORMAT}'")
     state = checked(document, State, str(path))
     try:
         check_learnt(state.learnt, calibration)
@@ -128,16 +132,22 @@ class StateKeeper:
         try:
             state = read_state(self._path, self._calibration)
         except BrokenStateError as error:
-            aside = self._path.with_name(self._path.name + ".broken")
-            with contextlib.suppress(OSError):  # it will be overwritten all the same
-                os.replace(self._path, aside)
-            log.error("%s; set aside as %s, the unit learns anew", error, aside.name)
+            log.error("%s; set aside as %s, the unit learns anew", error, self._set_aside(".broken"))
+            return None
+        except OtherFormatError as error:  # its version finds it again, after a roll-back that is taken back
+            log.warning("%s; set aside as %s, the unit learns anew", error, self._set_aside(".other-format"))
             return None
         except UserError as error:
             log.warning("%s; not used, the unit learns anew", error)
             return None
         self._kept = None if state is None else state.learnt
         return self._kept
+
+    def _set_aside(self, ending: str) -> str:
+        aside = self._path.with_name(self._path.name + ending)
+        with contextlib.suppress(OSError):  # it will be overwritten all the same
+            os.replace(self._path, aside)
+        return aside.name
 
     def keep(self, learnt: Learnt) -> None:
         """Write `learnt` where it is new; that the disk fails is said once, until it works again."""

@@ -1,6 +1,7 @@
 """Prints the ground ahead as GaitEyes publishes it on Zenoh, and counts what must not be acted upon."""
 
 import argparse
+from math import degrees
 
 import gaiteyes
 
@@ -10,21 +11,19 @@ arguments.add_argument("--authority", default="", help="with TLS: the PEM file o
 arguments.add_argument("--device", default="demo")
 arguments.add_argument("--accept-simulated", action="store_true")
 options = arguments.parse_args()
+device, trusted, waits = options.device, gaiteyes.Credentials(authority=options.authority), 50
+how = {"connect": options.connect, "credentials": trusted, "accept_simulated": options.accept_simulated}
 try:
-    listener = gaiteyes.listen(
-        gaiteyes.GroundPlane,
-        options.device,
-        connect=options.connect,
-        credentials=gaiteyes.Credentials(authority=options.authority),
-        accept_simulated=options.accept_simulated,
-        timeout_s=0.2,
-    )
+    with gaiteyes.listen(gaiteyes.GroundPlane, device, **how, timeout_s=0.2) as listener:
+        while waits:  # so many before anything is heard, then for ever
+            for received in listener:
+                waits, ground, stamp = -1, received.message, received.stamp
+                slope, height = f"slope {degrees(ground.slope_sagittal_rad):+.1f}°", f"height {ground.height_m:.3f} m"
+                print(stamp.source.value, ground.status.value, ground.reason.value, slope, height, end=" ")
+                print(f"age {received.age_s:.3f} s, lost {received.lost_before}", flush=True)
+            waits -= waits > 0 and not listener.refused
+            if waits < 0 or listener.refused:
+                print("silence, refused", {why.value: n for why, n in listener.refused.items()}, flush=True)
+        raise gaiteyes.UserError(f"Zenoh: '{device}' is silent; is `gaiteyes run` or `gaiteyes demo` running?")
 except gaiteyes.UserError as error:
     arguments.exit(2, f"{error}\n")
-with listener:
-    while True:
-        for received in listener:
-            ground, age = received.message, f"age {received.age_s:.3f} s, lost {received.lost_before}"
-            slope, height = f"slope {ground.slope_sagittal_rad:.3f} rad", f"height {ground.height_m:.3f} m"
-            print(received.stamp.source.value, ground.status.value, ground.reason.value, slope, height, age, flush=True)
-        print("silence, refused", {why.value: count for why, count in listener.refused.items()}, flush=True)

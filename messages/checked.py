@@ -11,6 +11,9 @@ from messages.errors import UserError
 
 M = TypeVar("M", bound=msgspec.Struct)
 
+HEXADECIMAL = {"written": "hexadecimal"}
+"""`extra` of the `msgspec.Meta` of a whole number that people write in base 16, as the address of a chip."""
+
 _SEAT = re.compile(r"^(?P<problem>.*?)(?: - at `\$\.?(?P<field>.*)`)?$")
 _MISSING = re.compile(r"^Object missing required field `(.*)`$")
 
@@ -52,7 +55,8 @@ def _reworded(message: str, document: object, kind: type[msgspec.Struct]) -> str
     found = _at(document, field)
     allowed = _allowed(inspect.type_info(kind), field)
     if allowed and found is not None:
-        return f"{field} is {found!r}, allowed {allowed}"
+        shown = f"{found:#x}" if type(found) is int and is_hexadecimal(kind, field) else repr(found)
+        return f"{field} is {shown}, allowed {allowed}"
     return f"{field or 'the file'}: {problem[0].lower()}{problem[1:]}"
 
 
@@ -63,20 +67,36 @@ def _at(document: object, field: str) -> object:
     return value
 
 
-def _allowed(expected: inspect.Type, field: str) -> str:
-    """Return the range of a field in words, or nothing where it has none."""
+def is_hexadecimal(kind: type[msgspec.Struct], field: str) -> bool:
+    """Return whether a field, as `imu.address`, is a number that people write in base 16."""
+    found = _field(inspect.type_info(kind), field)
+    return isinstance(found, inspect.Metadata) and found.extra == HEXADECIMAL
+
+
+def _field(expected: inspect.Type, field: str) -> inspect.Type:
     for step in field.split("."):
         if not isinstance(expected, inspect.StructType):
-            return ""
+            return inspect.AnyType()
         expected = next((f.type for f in expected.fields if f.encode_name == step), inspect.AnyType())
+    return expected
+
+
+def _allowed(kind: inspect.Type, field: str) -> str:
+    """Return the range of a field in words, or nothing where it has none."""
+    expected, as_written = _field(kind, field), "{:g}"
+    if isinstance(expected, inspect.Metadata):
+        as_written = "{:#x}" if expected.extra == HEXADECIMAL else as_written
+        expected = expected.type
     if isinstance(expected, inspect.UnionType):
         expected, *_ = (kind for kind in expected.types if not isinstance(kind, inspect.NoneType))
     if isinstance(expected, inspect.EnumType):
         return "one of " + ", ".join(str(member.value) for member in expected.cls)
     if isinstance(expected, inspect.IntType | inspect.FloatType):
-        kind = "a whole number" if isinstance(expected, inspect.IntType) else "a number"
+        number = "a whole number" if isinstance(expected, inspect.IntType) else "a number"
         bounds = ((expected.ge, "from"), (expected.gt, "above"), (expected.le, "to"), (expected.lt, "below"))
-        return " ".join([kind, *(f"{word} {bound:g}" for bound, word in bounds if bound is not None)])
+        return " ".join(
+            [number, *(f"{word} {as_written.format(bound)}" for bound, word in bounds if bound is not None)]
+        )
     if isinstance(expected, inspect.StrType):
         return f"text like {expected.pattern}" if expected.pattern else "text"
     return "true or false" if isinstance(expected, inspect.BoolType) else ""

@@ -8,7 +8,7 @@ EXTRA_OF = {
     "skimage": "rig",
     "mujoco": "lab",
     "matplotlib": "lab",
-    "ezc3d": "lab",
+    "ezc3d": "c3d",
     "distributed": "cluster",
     "pysindy": "baselines",
     "sklearn": "baselines",

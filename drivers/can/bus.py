@@ -22,7 +22,7 @@ from messages.can_frames import CanFrame, CanMessage, can_id
 
 RECEIVE_QUEUE_FRAMES = 64
 SERIAL_POLL_S = 0.02
-_IFF_UP = 0x1
+IFF_UP = 0x1
 _NETWORK = Path("/sys/class/net")
 
 
@@ -70,7 +70,7 @@ def _check_link_is_up(settings: CanSettings) -> None:
         flags = int((_NETWORK / settings.channel / "flags").read_text(encoding="ascii"), 16)
     except OSError as error:
         raise DeviceError(f"CAN {settings.name}: no such network link") from error
-    if not flags & _IFF_UP:
+    if not flags & IFF_UP:
         raise DeviceError(f"CAN {settings.name}: the link is down; `ip link set {settings.channel} up` starts it")
 
 

@@ -322,7 +322,7 @@ def test_text_that_is_no_calibration_gets_one_line(text: str, line: str) -> None
 
 
 def test_files_that_cannot_be_read_get_one_line(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"absent\.yaml: No such file or directory$"):
+    with pytest.raises(UserError, match=r"absent\.yaml: No such file or directory; `gaiteyes init` makes"):
         load_calibration(tmp_path / "absent.yaml")
     with pytest.raises(UserError, match=r"Is a directory$"):
         load_calibration(tmp_path)

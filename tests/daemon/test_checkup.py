@@ -151,7 +151,8 @@ def test_what_the_unit_has_learnt_is_told_with_its_age(tmp_path: Path) -> None:
     assert found().seen == (f"{learnt.id}: no bias, depth scale +0.31 ± 0.04 %, in 2.0 h of use, written 3.0 days ago")
     path.write_bytes(path.read_bytes()[:-9])
     assert found().verdict is Verdict.NOTICE
-    assert found().seen == f"{path}: does not match its checksum; the unit will learn anew"
+    assert found().seen == f"{path}: does not match its checksum"
+    assert found().next == "nothing: the unit will learn anew"
     assert path.exists()
 
 
@@ -160,7 +161,7 @@ def test_a_device_that_fails_is_a_finding() -> None:
         yield Finding(subject="IMU", verdict=Verdict.FINE, seen="so far")
         raise DeviceError("IMU at I2C address 0x68: gone")
 
-    found = list(checkup.guarded("IMU", broken))
+    found = list(checkup.guarded("IMU", broken, lambda: "plug it in"))
     assert [finding.verdict for finding in found] == [Verdict.FINE, Verdict.FAULT]
     assert checkup.worst(found) is Verdict.FAULT
     assert found[-1].seen == "IMU at I2C address 0x68: gone"

@@ -30,7 +30,7 @@ def test_an_empty_file_is_the_defaults(tmp_path: Path) -> None:
     ("text", "line"),
     [
         ("[foothold]\nahead_m = 9.0", "f.toml: foothold.ahead_m is 9.0, allowed a number from 0.2 to 4"),
-        ("[imu]\naddress = 5", "f.toml: imu.address is 5, allowed a whole number from 104 to 105"),
+        ("[imu]\naddress = 5", "f.toml: imu.address is 0x5, allowed a whole number from 0x68 to 0x69"),
         (
             "[imu]\ndata_ready = 'gpiochip0 17'",
             "f.toml: imu.data_ready is 'gpiochip0 17', allowed text like ^(/[^:]+:[0-9]{1,3})?$",
@@ -72,7 +72,7 @@ def test_a_mistake_is_one_line_with_field_and_range(text: str, line: str) -> Non
 def test_no_toml_and_no_file_are_told_apart(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"^f\.toml: not TOML: .*line 1"):
         parse_configuration("[[[", "f.toml")
-    with pytest.raises(UserError, match=r"nowhere\.toml: No such file"):
+    with pytest.raises(UserError, match=r"nowhere\.toml: No such file or directory; `gaiteyes init` finds the devices"):
         load_configuration(tmp_path / "nowhere.toml")
 
 

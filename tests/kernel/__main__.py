@@ -14,7 +14,12 @@ from tests.kernel.machine.verdict import print_verdict
 
 LIMIT_S = 3600.0
 """For a busy host. What hangs inside is ended there, by the machine's own clock."""
-_SERVICE = ("tests/kernel/test_service.py", "tests/kernel/test_can.py", "tests/kernel/test_can_contract.py")
+_SERVICE = (
+    "tests/kernel/test_first_run.py",  # first, in a machine that nothing was plugged into
+    "tests/kernel/test_service.py",
+    "tests/kernel/test_can.py",
+    "tests/kernel/test_can_contract.py",
+)
 SHARES = {
     "devices": " ".join(("tests/kernel", *(f"--ignore={file}" for file in _SERVICE))),
     "service": " ".join(_SERVICE),

@@ -61,7 +61,11 @@ class Wearable:
         )
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "gaiteyes.toml").write_text(format_configuration(configuration), encoding="utf-8")
-        save_calibration(folder / configuration.calibration, self._calibration)
+        self.write_calibration(folder / configuration.calibration)
+
+    def write_calibration(self, file: Path) -> None:
+        """Write the calibration of this unit, as it was built."""
+        save_calibration(file, self._calibration)
 
     def close(self) -> None:
         """Unplug everything."""

@@ -58,7 +58,7 @@ def test_a_subscriber_that_wants_live_data_refuses(endpoint: str) -> None:
 def test_a_can_listener_hears_the_same_ground(endpoint: str) -> None:
     assert endpoint
     ground = "ground simulated slope"
-    bus = ("--channel", f"socket://127.0.0.1:{PORT}")
-    lines = heard("can_listener.py", *bus, "--accept-simulated", enough=three(ground))
+    bus = f"slcan:socket://127.0.0.1:{PORT}"
+    lines = heard("can_listener.py", "--can", bus, "--accept-simulated", enough=three(ground))
     heights_m = [float(line.split("height ")[1].split()[0]) for line in lines if line.startswith(ground)]
     assert all(0.9 < height_m < 1.0 for height_m in heights_m), lines
