@@ -124,7 +124,9 @@ def _evidence_row(one: Evidence, strongest: float) -> dict[str, str]:
     return {
         "status": one.status,
         "name": words(one.effect),
-        "values": ", ".join(f"{parameter_words(name)} {number_text(value)}" for name, value in one.parameters.items()),
+        "parameters": ", ".join(
+            f"{parameter_words(name)} {number_text(value)}" for name, value in one.parameters.items()
+        ),
         "chi2": chi2_text(one.chi2),
         "width": f"{100.0 * _height(one) / strongest:.1f}",
         "colour": {"accepted": AFTER, "equivalent": _EQUIVALENT}.get(one.status, _REJECTED),

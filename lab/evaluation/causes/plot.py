@@ -44,7 +44,7 @@ def drawn(scores: Sequence[CauseScore]) -> list[str]:
     def panel(label: str, name: str, axes: "Axes") -> None:
         _draw_bars(scores, label, name, axes)
         axes.invert_yaxis()
-        axes.legend()
+        axes.legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0))
 
     height_in = 0.9 + 0.4 * len(scores)
     return [drawing(label, partial(panel, label, name), height_in) for label, name in _PANELS]

@@ -93,6 +93,7 @@ def test_the_report_tells_everything_on_one_page_by_itself(tmp_path: Path) -> No
         "All candidates, each by itself",
         "The plate was not at rest when it was tared.",
         "Five samples are missing <in tz>.",
+        "value 0.004",
         "98 %",
         "noise",
     ):
