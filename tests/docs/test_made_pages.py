@@ -1,13 +1,16 @@
-"""docs/can.md says what the DBC says, and how much of the bus it takes."""
+"""Pages that are made from messages and DBC say what those say; how much of the bus it takes."""
 
 import subprocess
 import sys
 
+import pytest
+
 from tests.docs.pages import ROOT
 
 
-def test_the_page_of_can_frames_is_up_to_date() -> None:
-    command = [sys.executable, "docs/make_can.py", "--check"]
+@pytest.mark.parametrize("maker", ["make_can.py", "make_zenoh.py", "make_api.py"])
+def test_the_page_is_up_to_date(maker: str) -> None:
+    command = [sys.executable, f"docs/{maker}", "--check"]
     done = subprocess.run(command, cwd=ROOT, env={"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
