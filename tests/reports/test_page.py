@@ -48,18 +48,19 @@ def line(title: str) -> str:
     return drawing(title, lambda axes: axes.plot([0.0, 1.0], [0.0, 1.0]))
 
 
-@pytest.fixture
-def sections(tmp_path: Path) -> Path:
-    path = tmp_path / "page.html"
+@pytest.fixture(scope="module")
+def sections(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("sections") / "page.html"
     both = (Section("Part", ("A sentence.",), SHEET, (line("up"), line("again"))),)
     write_sections(path, "Title", "Headline", both, [], lead="The lead.")
     return path
 
 
-@pytest.fixture
-def explained(tmp_path: Path) -> Path:
-    write_report(explanation(toy(1)), tmp_path)
-    return tmp_path / "report.html"
+@pytest.fixture(scope="module")
+def explained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("explained")
+    write_report(explanation(toy(1)), folder)
+    return folder / "report.html"
 
 
 @pytest.fixture(params=["sections", "explained"])
@@ -116,8 +117,8 @@ def test_it_says_which_files_what_version_which_command_and_when(
     (folder / "imu.csv").write_bytes(b"t_s\n")
     monkeypatch.setattr(sys, "argv", ["/usr/bin/gaiteyes", "explain", "imu", str(folder), "--out", "x"])
     before = datetime.now().astimezone().replace(microsecond=0)
-    write_report(explanation(toy(1)), tmp_path / "out", files=[folder])
-    text = read(tmp_path / "out" / "report.html")
+    write_sections(tmp_path / "page.html", "Title", "Headline", (), [folder])
+    text = read(tmp_path / "page.html")
     assert f"gaiteyes explain imu '{folder}' --out x" in text
     assert hashlib.sha256(b"t_s\n").hexdigest() in text
     assert re.search(r"gaiteyes \d+\.\d+\.\d+\S*, Python 3\.\d+\.\d+, numpy \d", text)

@@ -97,6 +97,7 @@ def told(receiver: CanReceiver[ReceivedGround], t_ns: int, frame: CanFrame) -> s
     return f"ground {slopes} {found.height_m:.3f} m sd {deviations} {age}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("options", [(), ("--accept-simulated",)])
 def test_it_says_of_each_frame_what_the_python_receiver_says(subscriber: Path, options: tuple[str, ...]) -> None:
     heard = stream(random.Random(1), 1500)
@@ -113,6 +114,7 @@ def test_it_says_of_each_frame_what_the_python_receiver_says(subscriber: Path, o
     assert sum(line.startswith("ground") for line in expected) > 500
 
 
+@pytest.mark.long
 def test_rubbish_and_an_absent_bus_are_one_line(subscriber: Path) -> None:
     for arguments, text, said in (
         (["-"], "rubbish\n", "not a line of candump -L: rubbish"),
