@@ -24,6 +24,11 @@ def links(text: str) -> list[str]:
     return [target for target in targets if "://" not in target and not target.startswith("mailto:")]
 
 
+def outside_links(text: str) -> list[str]:
+    """Return the targets of the links in a page that lead out of the project."""
+    return [target for target in _LINK.findall(_FENCE.sub("", text)) if "://" in target]
+
+
 def anchors(text: str) -> set[str]:
     """Return the anchors of a page's headings, as GitHub makes them."""
     headings = _HEADING.findall(_FENCE.sub("", text))
