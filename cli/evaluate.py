@@ -101,7 +101,7 @@ def rig(
         by_scenario = {name: found["all"] for name, found in summaries.items()}
         sheets.append(score_table(f"all units together, {label}", by_scenario, by="scenario"))
     show(sheets[-1])
-    _write_report(html, sheets[::-1], [])
+    _write_report(html, [sheets[-1], *sheets[:-1]], [])
     if json is not None:
         scores = {
             name: {"units": {unit: board.summary() for unit, board in boards[name].items()}, "together": found}
