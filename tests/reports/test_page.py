@@ -1,13 +1,9 @@
 """Every report has one frame: legible on a telephone, by itself, and telling where it comes from."""
 
 import hashlib
-import os
 import re
-import shutil
-import subprocess
 import sys
 from datetime import datetime
-from html import escape
 from pathlib import Path
 
 import pytest
@@ -20,28 +16,19 @@ from reports.page import write_sections
 from reports.provenance import provenance
 from tests.bench.explained import explanation, toy
 from tests.bench.html_page import read
+from tests.bench.narrow_page import NARROW_PX, chromium, measured
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("jinja2")
 
-NARROW_PX, MARGIN_PX = 420, 40
-"""A telephone's page, and what its margins take."""
+MARGIN_PX = 40
+"""What the margins of a telephone's page take."""
 SMALLEST_LETTER_PX = 11.0
 POINTS_PER_INCH = 72.0
 WIDE_COLUMNS = 4
 """From so many on a table does not fit a telephone side by side."""
 
 SHEET = Table("a < b", ("what", "x", "y", "z"), (("first & only", "1", "2", "3"),), "in metres")
-
-_AROUND = """<body><iframe id="page" width="{width}" height="900" style="border:0" srcdoc="{page}"></iframe><script>
-const page = document.getElementById("page");
-page.onload = () => {{
-  const inside = page.contentDocument;
-  const sizes = [...inside.querySelectorAll("main *:not(svg *)")].map(
-    (each) => parseFloat(getComputedStyle(each).fontSize));
-  document.body.dataset.found = inside.documentElement.scrollWidth + " " + Math.min(...sizes);
-}};
-</script></body>"""
 
 
 def line(title: str) -> str:
@@ -140,19 +127,13 @@ def test_a_folder_of_many_files_is_one_row_that_changes_with_each_of_them(tmp_pa
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", ["sections", "explained"])
-def test_a_browser_shows_it_without_scrolling_aside(request: pytest.FixtureRequest, tmp_path: Path, made: str) -> None:
-    program = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+def test_a_browser_shows_it_without_scrolling_aside(request: pytest.FixtureRequest, made: str) -> None:
+    program = chromium()
     if program is None:
         pytest.skip("no Chromium on this machine")
-    page: Path = request.getfixturevalue(made)
-    around = tmp_path / "around.html"  # a window of Chromium is no narrower than 500 pixels
-    around.write_text(_AROUND.format(width=NARROW_PX, page=escape(page.read_text(encoding="utf-8"))), encoding="utf-8")
-    own_root = ("--no-sandbox",) if os.geteuid() == 0 else ()  # it refuses to run as root with its sandbox
-    command = [program, "--headless", "--disable-gpu", f"--user-data-dir={tmp_path}", *own_root, "--dump-dom"]
-    shown = subprocess.run([*command, around.as_uri()], capture_output=True, text=True, check=True, timeout=60.0).stdout
-    width, letters = re.search(r'data-found="(\d+) ([\d.]+)"', shown).groups()  # type: ignore[union-attr]  # None fails
-    assert int(width) <= NARROW_PX
-    assert float(letters) >= SMALLEST_LETTER_PX
+    width_px, letter_px = measured(program, request.getfixturevalue(made))
+    assert width_px <= NARROW_PX
+    assert letter_px >= SMALLEST_LETTER_PX
 
 
 @pytest.mark.parametrize("package", ["jinja2", "matplotlib"])
