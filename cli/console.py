@@ -12,6 +12,7 @@ from rich.table import Table
 from lab.evaluation.floor import FloorScore
 from lab.evaluation.score import Score
 from messages.errors import UserError
+from reports.content import Table as ReportTable
 
 _WIDTH_OF_A_FILE = 110
 
@@ -34,9 +35,16 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], *, 
     console.print(sheet)
 
 
-def score_table(title: str, scores: dict[str, Score], by: str = "ground") -> None:
-    """Print the accuracy on each kind of ground, or of whatever else the scores are told apart by."""
-    table(
+def show(sheet: ReportTable) -> None:
+    """Print a table as it stands in a report, with its note."""
+    table(sheet.title, sheet.columns, sheet.rows, words=sheet.words)
+    if sheet.note:
+        console.print(sheet.note)
+
+
+def score_table(title: str, scores: dict[str, Score], by: str = "ground") -> ReportTable:
+    """Return the accuracy on each kind of ground, or of whatever else the scores are told apart by."""
+    return ReportTable(
         title,
         [by, "frames", "valid", "sagittal RMS", "frontal RMS", "height RMS", "within 95 %"],
         [
@@ -90,7 +98,7 @@ def seed_list(text: str) -> list[int]:
     return seeds
 
 
-def check_writable(path: Path | None) -> None:
+def check_writable(path: Path | None, option: str = "--json") -> None:
     """Raise UserError now, before the long work, if a file that is to be written later cannot be."""
     if path is not None and not path.absolute().parent.is_dir():
-        raise UserError(f"--json {path}: its folder does not exist")
+        raise UserError(f"{option} {path}: its folder does not exist")

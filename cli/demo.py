@@ -49,7 +49,7 @@ def demo(
 
     import msgspec
 
-    from cli.console import VOID, check_writable, console, score_table, write_json
+    from cli.console import VOID, check_writable, console, score_table, show, write_json
     from cli.live import LiveStatus
     from cli.wiring import (
         build_service,
@@ -130,7 +130,7 @@ def demo(
     scores = observer.scoreboard.summary()
     summary_tables(facts)
     label = "perfect calibration" if perfect_calibration else "calibration with its stated residual"
-    score_table(f"Ground against truth: {walk.name}, unit {seed}, {label}", scores)
+    show(score_table(f"Ground against truth: {walk.name}, unit {seed}, {label}", scores))
     if void:
         console.print(f"These figures are void, the host was too busy: {void}.", style="bold", soft_wrap=True)
     if json is not None:

@@ -3,15 +3,15 @@
 import math
 from collections.abc import Sequence
 
-from cli.console import console, table
 from lab.evaluation.attitude import UNCALIBRATED
 from lab.evaluation.causes.ledger import CauseScore
 from lab.evaluation.causes.recorded import Explained
 from lab.evaluation.imu_logs.score import FIRST_S, FROM_S, Together, TrialScore
+from reports.content import Table
 
 
-def attitude_table(name: str, scores: Sequence[TrialScore], pooled: Together) -> None:
-    """Print inclination errors log by log, and of all logs together."""
+def attitude_table(name: str, scores: Sequence[TrialScore], pooled: Together) -> Table:
+    """Return inclination errors log by log, and of all logs together."""
     rows = [
         [
             each.name,
@@ -34,17 +34,17 @@ def attitude_table(name: str, scores: Sequence[TrialScore], pooled: Together) ->
     )
     rows.append(["all errors", *ours, "", _share(pooled.pooled_coverage), "", *peer, "", ""])
     columns = ["", "RMS", "P99", "first P99", "in 95 %", "stated", "VQF RMS", "P99", "first P99", "defaults"]
-    table(f"{name}: inclination error, degrees", columns, rows)
-    console.print(
+    note = (
         f"Means to about 100 Hz, errors from {FROM_S:g} s on, 'first' up to {FIRST_S:g} s. One set of parameters, one "
         f"residual: {UNCALIBRATED.specific_force_mps2:g} m/s² and {UNCALIBRATED.scale:g}. 'in 95 %': in the stated "
         "ellipse. VQF has the bias of the first second and biasClip 10; the last column has its defaults."
     )
+    return Table(f"{name}: inclination error, degrees", columns, rows, note)
 
 
-def cause_table(title: str, scores: Sequence[CauseScore]) -> None:
-    """Print the error as measured, and for each cause what it makes of it and what is left without it."""
-    table(
+def cause_table(title: str, scores: Sequence[CauseScore]) -> Table:
+    """Return the error as measured, and for each cause what it makes of it and what is left without it."""
+    return Table(
         title,
         ["", "replaced by", "frames", "slope ahead", "left", "across", "left", "height", "left"],
         [
@@ -61,22 +61,20 @@ def cause_table(title: str, scores: Sequence[CauseScore]) -> None:
             ]
             for each in scores
         ],
-    )
-    console.print(
         "RMS. Of each cause what it makes: of the estimates' change where the truth takes its place. 'left' is the "
-        "error without it. Causes cancel in single units, so the parts do not add up to the whole."
+        "error without it. Causes cancel in single units, so the parts do not add up to the whole.",
     )
 
 
-def explanation(found: Explained) -> None:
-    """Print what explains a recording's errors best."""
+def explanation(found: Explained) -> str:
+    """Return what explains a recording's errors best."""
     ahead, across = found.extrinsic_deg
     known = [f"a camera turned by {ahead:+.2f}° ahead and {across:+.2f}° across"]
     if math.isfinite(found.imu_bias_deg[0]):
         known.append("a tilt of {:+.2f}°, {:+.2f}°, {:+.2f}° about the IMU's axes".format(*found.imu_bias_deg))
     if math.isfinite(found.late_s):
         known.append(f"stamps {1e3 * found.late_s:+.1f} ms late")
-    console.print(f"Explained best by {', '.join(known)}.")
+    return f"Explained best by {', '.join(known)}."
 
 
 def _number(value: float) -> str:

@@ -39,7 +39,7 @@ def _command(system: str) -> Callable[..., None]:
         ] = None,
         only: Annotated[str, typer.Option(help="Try only these effects, with commas.")] = "",
         without: Annotated[str, typer.Option(help="Leave these effects out of the library, with commas.")] = "",
-        report: Annotated[bool, typer.Option(help="Draw report.html, which needs matplotlib.")] = True,
+        report: Annotated[bool, typer.Option(help="Draw report.html (extra lab).")] = True,
         seed: Annotated[int, typer.Option(min=0, help="Seed of the random resampling for intervals.")] = 1,
         json: JsonFile = None,
     ) -> None:
@@ -63,7 +63,8 @@ def _command(system: str) -> Callable[..., None]:
             now("searching for effects that the simulation lacks")
             explanation = explained(restricted(fit, left_out), other, seed=seed, only=tried)
             now("writing the results")
-            write_report(explanation, out, report=report)
+            files = [path for path in (recording, held_out) if path is not None]
+            write_report(explanation, out, report=report, files=files)
         if json is not None:
             _write(json, to_json(explanation.verdict))
         _print(explanation)

@@ -46,6 +46,7 @@ def identify(
     trial: Annotated[Path, typer.Argument(help="Folder with trial.toml, cycles.csv and events.csv.")],
     out: Annotated[Path, typer.Option(help="The file to write.")] = Path("ankle_impedance.toml"),
     plot: Annotated[Path | None, typer.Option(help="Draw the curves into this PNG.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write the report into this HTML file.")] = None,
     json: JsonFile = None,
 ) -> None:
     """Identify stiffness, damping and inertia about both axes, with 95 % intervals."""
@@ -53,6 +54,7 @@ def identify(
     from cli.progress import working
     from impedance.ankle.impedance import identify as identified
     from impedance.ankle.plot import draw
+    from impedance.ankle.report import write_report
     from impedance.ankle.table import save_table, table_of
     from impedance.ankle.trial import load_trial
 
@@ -64,30 +66,19 @@ def identify(
     _print(found)
     if plot is not None:
         draw(plot, found)
+    if html is not None:
+        write_report(html, found, [trial])
     if json is not None:
         write_json(json, found)
     console.print(f"written to {out}")
 
 
 def _print(found: "AnkleTable") -> None:
-    from cli.console import console, table
+    from cli.console import console, show
+    from impedance.ankle.plot import AXES
+    from impedance.ankle.report import axis_sentences, axis_table
 
-    for name, axis in zip(("dorsi-plantarflexion", "inversion-eversion"), found.axes(), strict=True):
-        curves = [
-            list(zip(*columns, strict=True))
-            for columns in (
-                (axis.stiffness_nm_per_rad, axis.stiffness_nm_per_rad_low, axis.stiffness_nm_per_rad_high),
-                (axis.damping_nms_per_rad, axis.damping_nms_per_rad_low, axis.damping_nms_per_rad_high),
-            )
-        ]
-        rows = [
-            [f"{stance:.1f} %", f"{k:.1f}", f"{k_low:.1f} to {k_high:.1f}", f"{b:.3f}", f"{b_low:.3f} to {b_high:.3f}"]
-            for stance, (k, k_low, k_high), (b, b_low, b_high) in zip(found.stance_percent, *curves, strict=True)
-        ]
-        table(name, ["stance", "N·m/rad", "95 %", "N·m·s/rad", "95 %"], rows[:: max(1, len(rows) // 14)])
-        console.print(
-            f"foot about the ankle: {axis.foot_inertia_kgm2:.4f} kg m², 95 % "
-            f"{axis.foot_inertia_kgm2_low:.4f} to {axis.foot_inertia_kgm2_high:.4f}"
-        )
-        for reason in axis.not_identifiable:
-            console.print(f"not identifiable: {reason}")
+    for name, axis in zip(AXES, found.axes(), strict=True):
+        show(axis_table(found, axis, name))
+        for sentence in axis_sentences(axis):
+            console.print(sentence)

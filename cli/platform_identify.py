@@ -18,7 +18,7 @@ def identify(
     weighed: Annotated[
         bool, typer.Option(help="Use the plate's stated mass, unless the motion contradicts it.")
     ] = True,
-    out: Annotated[Path | None, typer.Option(help="Folder for a report with plots.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for report.html.")] = None,
     json: JsonFile = None,
 ) -> None:
     """Identify the plate, or the foot where one is mounted: ten parameters with 95 % intervals."""
@@ -36,7 +36,7 @@ def identify(
     for remark in remarks(found):
         console.print(f"- {remark}")
     if out is not None:
-        write_report(found, out)
+        write_report(found, out, [path for path in (recording, plate) if path is not None])
     if json is not None:
         write_json(json, facts(found))
 

@@ -34,7 +34,7 @@ def replay(
 
     import cv2
 
-    from cli.console import RECORDING_CUT, check_writable, floor_table, score_table, table, write_json
+    from cli.console import RECORDING_CUT, check_writable, floor_table, score_table, show, table, write_json
     from cli.imu_table import ImuTable
     from cli.overlay.overlay import Overlay
     from cli.overlay.picture_files import open_pictures
@@ -94,7 +94,7 @@ def replay(
             if ground.t_exposure_ns in truth:
                 board.add(ground, truth[ground.t_exposure_ns])
         facts["ground"] = board.summary()
-        score_table("Ground against the recorded truth", board.summary())
+        show(score_table("Ground against the recorded truth", board.summary()))
     if opened.poses is not None:
         frames = (message for message in opened.inputs() if isinstance(message, Frame))
         facts["floor"] = scores = score_floor(frames, replayed.grounds, opened.poses, opened.calibration, foothold)

@@ -28,6 +28,7 @@ checks. Frames, slopes and heights are explained in [architecture](architecture.
 Each estimate is two frames, which follow each other at once, carry one `frame_number` and are used together or not at
 all:
 
+<!-- not run: needs hardware -->
 ```python
 import gaiteyes
 

@@ -150,7 +150,7 @@ def main() -> None:
         print(f"R² {' + '.join(names)} {r2(measured, alone.held_out.extended):.4f}")
     print(f"R² {TAPS}-tap filter {taps_r2(trial, first, second):.4f}")
     if options.out is not None:
-        write_report(found, options.out)
+        write_report(found, options.out, files=[options.trial])
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ EXTRA_OF = {
     "skimage": "rig",
     "mujoco": "lab",
     "matplotlib": "lab",
+    "jinja2": "lab",
     "ezc3d": "c3d",
     "distributed": "cluster",
     "pysindy": "baselines",

@@ -1,6 +1,7 @@
 """Writes an explanation: verdict.json, held_out.csv, extended.toml and, for a person, report.html."""
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,20 +12,21 @@ from discrepancy.simulation import Channels
 from discrepancy.verdict import to_json
 from messages.arrays import FloatArray
 from messages.errors import UserError
-from messages.extras import needs
+from reports.page import check_page
 
 VERDICT, HELD_OUT, EXTENDED, REPORT = "verdict.json", "held_out.csv", "extended.toml", "report.html"
 
 
 def check_report() -> None:
     """Raise UserError, with what to install, if the report cannot be drawn."""
-    needs(f"{REPORT} (left out with --no-report)", "matplotlib")
+    check_page(f"{REPORT} (left out with --no-report)")
 
 
-def write_report(explanation: Explanation, folder: Path, *, report: bool = True) -> None:
-    """Write all files into `folder`, which is made; raises UserError where it cannot."""
+def write_report(explanation: Explanation, folder: Path, *, report: bool = True, files: Sequence[Path] = ()) -> None:
+    """Write all files into `folder`, which is made; the report names `files`, the recordings it was made from, with
+    their checksums. Raises UserError where it cannot."""
     view = explanation.held_out
-    files = {
+    written = {
         VERDICT: to_json(explanation.verdict).decode(),
         HELD_OUT: beside_text(view.channels, view.base, view.extended),
         EXTENDED: extended_text(explanation),
@@ -33,10 +35,10 @@ def write_report(explanation: Explanation, folder: Path, *, report: bool = True)
         check_report()
         from discrepancy.report.page import page
 
-        files[REPORT] = page(explanation)
+        written[REPORT] = page(explanation, files)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, text in files.items():
+        for name, text in written.items():
             (folder / name).write_text(text, encoding="utf-8")
     except OSError as error:
         raise UserError(f"--out {folder}: {error.strerror}") from error

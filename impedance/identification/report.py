@@ -1,6 +1,8 @@
-"""The report of an identification: a page in Markdown with two plots, and the same facts for a program."""
+"""The report of an identification, for a person, and the same facts for a program."""
 
 import math
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,12 +13,14 @@ from impedance.identification.observability import NAMES
 from messages.arrays import FloatArray
 from messages.constants import NORMAL_95
 from messages.errors import UserError
-from messages.extras import needs
+from reports.content import Section, Table
+from reports.drawing import AFTER, BEFORE, INK, drawing
+from reports.page import check_page, write_sections
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
-PAGE, INTERVALS, MISFIT = "report.md", "intervals.png", "misfit.png"
+PAGE = "report.html"
 SHOWN_UNITS = ("kg", *("mm",) * 3, *("g m²",) * 6)
 SHOWN_SCALE = np.array([1.0, *(1e3,) * 9])
 HEADING = ("", "estimate", "95 % interval", "unit")
@@ -86,41 +90,38 @@ def facts(found: Identification) -> dict[str, object]:
     }
 
 
-def write_report(found: Identification, folder: Path) -> None:
-    """Write page and plots into `folder`; raises UserError where it cannot, or where matplotlib is not installed."""
-    needs("a report with plots (--out)", "matplotlib")
-    from matplotlib.figure import Figure
+def write_report(found: Identification, folder: Path, files: Sequence[Path] = ()) -> None:
+    """Write the page into `folder`, which is made; `files` are the recordings that were read.
 
+    Raises UserError where it cannot, or where what draws and renders is not installed.
+    """
+    check_page("a report (--out)")
+    title = f"Inertia of the {found.what}"
+    table = Table("about its centre of gravity", HEADING, parameter_rows(found))
+    drawings = (
+        drawing("What the recording tells", partial(_draw_intervals, found), 2.4),
+        drawing("Misfit over frequency", partial(_draw_misfit, found), 2.4),
+    )
+    sections = (Section("Ten parameters", remarks(found), table, drawings),)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, draw in ((INTERVALS, _draw_intervals), (MISFIT, _draw_misfit)):
-            figure = Figure(figsize=(8.0, 4.5), layout="constrained")
-            draw(figure, found)
-            figure.savefig(folder / name, dpi=120)
-        (folder / PAGE).write_text(_page(found), encoding="utf-8")
     except OSError as error:
         raise UserError(f"--out {folder}: {error.strerror}") from error
+    write_sections(folder / PAGE, "Identified on the vibrating platform", title, sections, files)
 
 
-def _page(found: Identification) -> str:
-    lines = [f"# Inertia of the {found.what}", "", "| " + " | ".join(HEADING) + " |", "|---|---:|---:|---|"]
-    lines += ["| " + " | ".join(row) + " |" for row in parameter_rows(found)]
-    lines += ["", *(f"- {remark}" for remark in remarks(found)), ""]
-    lines += [f"![Intervals]({INTERVALS})", "", f"![Misfit over frequency]({MISFIT})", ""]
-    return "\n".join(lines)
-
-
-def _draw_intervals(figure: "Figure", found: Identification) -> None:
-    axes = figure.subplots()
+def _draw_intervals(found: Identification, axes: "Axes") -> None:
     share = found.observability.deviation * NORMAL_95 / found.observability.range
-    colours = ["tab:blue" if yes else "tab:red" for yes in found.observability.identifiable]
+    colours = [AFTER if yes else BEFORE for yes in found.observability.identifiable]
     axes.bar(NAMES, 100.0 * share, color=colours)
-    axes.axhline(50.0, color="tab:red", linewidth=1.0)
-    axes.set(yscale="log", ylabel="half interval, % of a rigid body's range", title="What the recording tells")
+    axes.axhline(50.0, color=BEFORE, linewidth=1.0)
+    axes.set(
+        yscale="log", ylabel="half interval, % of range", title="What the recording tells, of a rigid body's range"
+    )
+    axes.tick_params(axis="x", rotation=60)
 
 
-def _draw_misfit(figure: "Figure", found: Identification) -> None:
-    axes = figure.subplots()
+def _draw_misfit(found: Identification, axes: "Axes") -> None:
     power = np.abs(found.fit.misfit) ** 2 / 2.0
     f_hz = found.spectra.f_hz[found.spectra.share > 0.0]
     edges = np.linspace(0, len(f_hz), _BANDS + 1).astype(int)[:-1]
@@ -128,9 +129,9 @@ def _draw_misfit(figure: "Figure", found: Identification) -> None:
     middle = np.add.reduceat(f_hz, edges) / width
     for channel, name in enumerate(_CHANNELS):
         axes.plot(middle, np.add.reduceat(power[:, channel], edges) / width, label=name, linewidth=1.0)
-    axes.axhline(1.0, color="black", linewidth=0.8)
-    axes.set(xlabel="Hz", ylabel="left over, in units of the noise's power", yscale="log", title="Misfit")
-    axes.legend(ncols=6)
+    axes.axhline(1.0, color=INK, linewidth=0.8)
+    axes.set(xlabel="Hz", ylabel="left over / noise's power", yscale="log", title="Misfit")
+    axes.legend(ncols=6, loc="lower right", bbox_to_anchor=(1.0, 1.0), columnspacing=0.8, handlelength=1.0)
 
 
 def _relative(found: Identification) -> FloatArray:

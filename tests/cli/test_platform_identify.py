@@ -7,6 +7,7 @@ import pytest
 
 from cli.main import app
 from messages.errors import UserError
+from tests.bench.html_page import read
 from tests.bench.platform_motion import FOOT, PLATE, lines, noisy, recording
 
 
@@ -30,10 +31,10 @@ def test_the_plate_and_its_report(
     printed = capsys.readouterr().out
     assert "the markers agree with the joint" in printed
     assert "Jxx" in printed
-    page = (tmp_path / "report" / "report.md").read_text(encoding="utf-8")
-    assert page.count("| Jyy |") == 1
-    for picture in ("intervals.png", "misfit.png"):
-        assert (tmp_path / "report" / picture).stat().st_size > 5_000
+    page = read(tmp_path / "report" / "report.html")
+    for told in ("Inertia of the plate", "the markers agree with the joint", "Jyy", "platform.toml", "SHA-256"):
+        assert told in page, told
+    assert (tmp_path / "report" / "report.html").read_text(encoding="utf-8").count("<svg") == 2
     facts = json.loads((tmp_path / "facts.json").read_bytes())
     low, high = facts["parameters"]["Jzz"]["interval_95"]
     assert low < float(PLATE.inertia_kgm2[2, 2]) + 1e-3

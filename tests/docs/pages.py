@@ -10,6 +10,7 @@ _FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 _INDENTED = re.compile(r"^(?: {4}\S.*\n)+", re.MULTILINE)
 _SPAN = re.compile(r"`([^`\n]+)`")
 _LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+_IMAGE = re.compile(r'<img [^>]*\bsrc="([^"]+)"')
 _HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
 
 
@@ -19,9 +20,15 @@ def pages() -> list[Path]:
 
 
 def links(text: str) -> list[str]:
-    """Return the targets of the links in a page that do not lead out of the project."""
-    targets = _LINK.findall(_FENCE.sub("", text))
+    """Return the targets of the links and pictures in a page that do not lead out of the project."""
+    prose = _FENCE.sub("", text)
+    targets = _LINK.findall(prose) + _IMAGE.findall(prose)
     return [target for target in targets if "://" not in target and not target.startswith("mailto:")]
+
+
+def outside_links(text: str) -> list[str]:
+    """Return the targets of the links in a page that lead out of the project."""
+    return [target for target in _LINK.findall(_FENCE.sub("", text)) if "://" in target]
 
 
 def anchors(text: str) -> set[str]:

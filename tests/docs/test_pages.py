@@ -9,7 +9,7 @@ import pytest
 from typer.main import get_command
 
 from cli.main import app
-from tests.docs.pages import ROOT, anchors, code, links, pages
+from tests.docs.pages import ROOT, anchors, code, links, outside_links, pages
 
 PAGES = pages()
 TOP_LEVEL = sorted(path.name for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith("."))
@@ -22,6 +22,7 @@ _MAKE = re.compile(r"(?:^|sudo )make +([a-z][a-z-]*)")
 _PATH = re.compile(rf"(?<![\w/.-])(?:{'|'.join(TOP_LEVEL)})/[\w./-]*\w/?")
 _ZENOH_KEY = re.compile(r"gaiteyes/[\w/]+$")
 _DOTTED = re.compile(rf"^(?:{'|'.join(TOP_LEVEL)})(?:\.\w+)+$")
+_OUTSIDE = re.compile(r"https://[\w.-]+\.[a-z]{2,}(?:/[\w./~%#?=&-]*)?")
 _BRACES = re.compile(r"\{[^}]*\}")
 
 every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
@@ -36,6 +37,13 @@ def test_links_lead_to_files_and_headings(page: Path) -> None:
         assert linked.exists(), target
         if anchor:
             assert anchor in anchors(linked.read_text(encoding="utf-8")), target
+
+
+@every_page
+def test_links_that_lead_out_are_whole(page: Path) -> None:
+    """Whether the other end is there is not asked: a test needs no network."""
+    for target in outside_links(page.read_text(encoding="utf-8")):
+        assert _OUTSIDE.fullmatch(target), target
 
 
 @every_page

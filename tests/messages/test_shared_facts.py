@@ -15,6 +15,7 @@ from messages.constants import NORMAL_95, STANDARD_GRAVITY_MPS2
 ROOT = Path(__file__).parents[2]
 PACKAGES = (
     "messages",
+    "reports",
     "perception",
     "impedance",
     "discrepancy",

@@ -15,6 +15,7 @@ from impedance.ankle.trial import Perturbation, load_trial, save_trial
 from messages.errors import UserError
 from sim_rig.platform.ankle import AnkleNoise, AnkleRun, measured, true_table, walk
 from sim_rig.platform.ankle_person import person
+from tests.bench.html_page import read
 
 
 @pytest.fixture(scope="module")
@@ -116,8 +117,9 @@ def test_the_commands_simulate_and_identify(tmp_path: Path) -> None:
     runner = CliRunner()
     simulated = runner.invoke(platform, ["ankle", "simulate", "--out", str(tmp_path / "trial"), "--cycles", "5"])
     assert simulated.exit_code == 0, simulated.output
-    out, plot = tmp_path / "ankle_impedance.toml", tmp_path / "curves.png"
-    arguments = ["ankle", "identify", str(tmp_path / "trial"), "--out", str(out), "--plot", str(plot)]
+    out, plot, html = (tmp_path / name for name in ("ankle_impedance.toml", "curves.png", "report.html"))
+    written = ["--out", str(out), "--plot", str(plot), "--html", str(html)]
+    arguments = ["ankle", "identify", str(tmp_path / "trial"), *written]
     identified = runner.invoke(platform, arguments)
     assert identified.exit_code == 0, identified.output
     found, truth = load_table(out), load_table(tmp_path / "trial" / "truth.toml")
@@ -126,3 +128,6 @@ def test_the_commands_simulate_and_identify(tmp_path: Path) -> None:
         off = np.array(one.stiffness_nm_per_rad) / np.array(true.stiffness_nm_per_rad) - 1.0
         assert np.nanmean(np.abs(off)) < 0.1
     assert plot.read_bytes().startswith(b"\x89PNG")
+    report = read(html)
+    assert report.count(f"{found.dorsi_plantarflexion.foot_inertia_kgm2:.4f} kg m²") >= 1
+    assert "trial/cycles.csv" in report

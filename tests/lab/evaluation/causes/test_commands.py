@@ -16,6 +16,7 @@ from perception.ground.foothold import FootholdSettings
 from sim_rig.depth_wearer import DepthWearer
 from sim_rig.walk.scenario import scenario
 from tests.bench.data_folder import shared_data
+from tests.bench.html_page import read
 from tests.bench.recorded import INFO
 
 
@@ -31,13 +32,16 @@ def causes(path: Path) -> dict[str, dict[str, Any]]:
 def test_a_still_depth_camera_is_told_by_cause(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("skimage")
     pytest.importorskip("matplotlib")
-    facts, plot = tmp_path / "facts.json", tmp_path / "causes.png"
+    facts, plot, html = (tmp_path / name for name in ("facts.json", "causes.png", "errors.html"))
     arguments = ("static", "--camera", "depth", "--seeds", 3, "--slopes", "-6", "--seconds", 2.2)
-    evaluate(*arguments, "--json", facts, "--plot", plot)
+    evaluate(*arguments, "--json", facts, "--plot", plot, "--html", html)
     found = causes(facts)
     assert {"as measured", IMU, ORIENTATION, DEPTH, EXTRINSIC} == set(found)
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert "true attitude" in capsys.readouterr().out
+    page = read(html)
+    assert "its true bias and scale" in page
+    assert html.read_text(encoding="utf-8").count("<svg") == 3
     for each in found.values():
         assert each["frames"] > 10
     # with the true plane, what is left comes from the attitude alone, and the height is right to its cosine
@@ -57,6 +61,7 @@ def test_a_walking_pair_is_told_by_cause(tmp_path: Path) -> None:
 
 def test_a_recording_with_truth_is_told_by_cause(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("skimage")
+    pytest.importorskip("matplotlib")
     wearer = DepthWearer(5, scenario("standing"), 10_000_000_000)
     calibration = format_calibration(wearer.calibration)
     info = dataclasses.replace(INFO, calibration_text=calibration, configuration_text="device = 'bench'\n")
@@ -68,7 +73,10 @@ def test_a_recording_with_truth_is_told_by_cause(tmp_path: Path, capsys: pytest.
             recorder.offer(wearer.truth(message.header.t_exposure_ns, foothold.ahead_m, foothold.half_length_m))
         recorder.drain(timeout_s=0.0)
     recorder.close()
-    evaluate("static", tmp_path / "walk.mcap", "--json", tmp_path / "facts.json")
+    evaluate("static", tmp_path / "walk.mcap", "--json", tmp_path / "facts.json", "--html", tmp_path / "page.html")
+    page = read(tmp_path / "page.html")
+    assert f"{tmp_path / 'walk.mcap'}, " in page
+    assert "Explained best by a camera turned by" in page
     found = causes(tmp_path / "facts.json")
     assert {"as measured", IMU, ORIENTATION, DEPTH, EXTRINSIC} == set(found)  # who stands tells nothing of stamps
     assert found[ORIENTATION]["frames"] >= 10
@@ -99,3 +107,9 @@ def test_a_mistake_is_one_line(arguments: tuple[object, ...], line: str) -> None
     with pytest.raises(UserError, match=line) as told:
         evaluate(*arguments)
     assert "\n" not in str(told.value)
+
+
+def test_a_report_into_no_folder_is_one_line_before_the_long_work(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    with pytest.raises(UserError, match=r"--html .*absent/page\.html: its folder does not exist"):
+        evaluate("static", "--html", tmp_path / "absent" / "page.html")
