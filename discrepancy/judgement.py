@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from discrepancy.evidence.adequacy import Predictable, Probe, adequacy
+from discrepancy.evidence.adequacy import adequacy
 from discrepancy.evidence.gain import gain
+from discrepancy.evidence.probe import Predictable, Probe
 from discrepancy.evidence.signature import coherence, power_density
 from discrepancy.evidence.whitening import whitening
 from discrepancy.explanation import Adequacy, Spectrum, View
@@ -87,18 +88,18 @@ def judged(recordings: Recordings, models: Models, seed: int) -> Judgement:
     base, extended = other.predicted(models.base.values), other.predicted(models.extended.values)
     other.narrow(np.isfinite(base) & np.isfinite(extended))
     r_base, r_extended = other.difference(base), other.difference(extended)
-    probe_held = Probe(other, whitening(r_extended, other.valid), base, seed)
+    probe_held = Probe(other, whitening(r_extended, other.valid), extended, r_extended, seed)
     left_held = probe_held.predictable(r_extended)
     base_held = probe_held.predictable(r_base) if models.causes else left_held
 
     white = whitening(models.extended.residual, problem.valid)
     predicted = problem.predicted(models.base.values)
-    probe = Probe(problem, white, predicted, seed)
+    fit_extended = problem.predicted(models.extended.values)
+    probe = Probe(problem, white, fit_extended, models.extended.residual, seed)
     before, structured = adequacy(problem, white, probe, models.base.residual, base_held.chance)
     after, left = before, structured
     if models.causes:
         after, left = adequacy(problem, white, probe, models.extended.residual, left_held.chance)
-    fit_extended = problem.predicted(models.extended.values)
     return Judgement(
         before=before,
         after=after,

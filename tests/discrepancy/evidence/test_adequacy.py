@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from discrepancy.evidence.adequacy import LEVEL, Predictable, Probe, adequacy
+from discrepancy.evidence.adequacy import LEVEL, adequacy
+from discrepancy.evidence.probe import Predictable, Probe
 from discrepancy.evidence.whitening import whitening
 from discrepancy.explanation import Adequacy
 from discrepancy.problem import Problem
@@ -36,7 +37,8 @@ def judged(
     declared = None if noise_std is None else np.full(len(noise), noise_std)
     problem = Problem(LinearSimulation((signal + noise).T, inputs.T, noise_std=declared))
     white = whitening(noise, problem.valid)
-    return adequacy(problem, white, Probe(problem, white, predicted, seed), problem.residual({}), elsewhere)
+    residual = problem.residual({})
+    return adequacy(problem, white, Probe(problem, white, predicted, residual, seed), residual, elsewhere)
 
 
 @lru_cache
@@ -184,7 +186,7 @@ def test_whiteness_is_the_largest_autocorrelation_to_lag_64() -> None:
     inputs, predicted, noise = motion(300)
     problem = Problem(LinearSimulation(noise.T, inputs.T))
     white = whitening(noise, problem.valid)
-    told = adequacy(problem, white, Probe(problem, white, predicted, 1), noise, 0.0)[0]
+    told = adequacy(problem, white, Probe(problem, white, predicted, noise, 1), noise, 0.0)[0]
     e = white(noise)[0]
     e /= np.sqrt(np.sum(e**2) / white.count)
     expected = max(abs(sum(e[t] * e[t - lag] for t in range(lag, 300))) / 300 for lag in range(1, 65))
