@@ -1,17 +1,17 @@
 """Whether a model is adequate: what of its residual follows from the inputs, a line, or more than the known noise."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft
 from scipy.special import gammaincinv
 
 from discrepancy.evidence.probe import Predictable, Probe
-from discrepancy.evidence.spectral_lines import strongest_line
+from discrepancy.evidence.spectral_lines import FAINT_SHARE, SHARE, Line, strongest_line
 from discrepancy.evidence.whitening import Whitening
 from discrepancy.explanation import Adequacy
 from discrepancy.problem import Problem
-from messages.arrays import FloatArray
+from messages.arrays import BoolArray, FloatArray
 
 _STRETCHES = 40
 """Of the recording, over which the noise's level is held against the inputs'."""
@@ -22,41 +22,86 @@ _PLAIN = 0.05
 _CHANCE_ELSEWHERE = 0.1
 """Likewise, on another recording, where what little was found here has only to be confirmed."""
 LEVEL = 1.3
-"""Times the declared noise: what is left above that is no noise."""
+"""Times the known noise: what is left above that is no noise."""
+_LEVEL_AT_REST = 2.0
+"""Times the noise at rest: what is left above that may be noise that motion makes, or not."""
+_GROWN = 2.0
+"""Times what a model leaves where it was fitted: with its noise unknown, what it leaves above that is no noise."""
 _LEVEL_CHANCE = 0.001
 """Of noise being louder than that in any channel: a right model must hardly ever be refused for it."""
 _WHITENESS_LAGS = 64
 """Samples: twice the single lags that the whitening takes away, so that what it cannot reach shows."""
 
 
-def adequacy(
-    problem: Problem, white: Whitening, probe: Probe, residual: FloatArray, elsewhere: float
-) -> tuple[Adequacy, Predictable]:
-    """Return whether a model with this raw `residual` (c, n) is adequate, and what of it the inputs predict.
-
-    `elsewhere` is the chance of what the inputs predict of the same model's residual on another recording: little is
-    believed only if it is missing there too.
+@dataclass(frozen=True)
+class Left:
+    """What a model leaves of one recording: its raw `residual` (c, n), what of that is `predictable`, under which
+    `white` noise, and the strongest `line`, which may be faint.
     """
-    found = probe.predictable(residual)
+
+    problem: Problem
+    white: Whitening
+    residual: FloatArray
+    predictable: Predictable
+    line: Line | None
+
+    @property
+    def rms(self) -> FloatArray:
+        """Return the residual's root mean square (c,)."""
+        valid = self.problem.valid
+        power = (self.residual**2 * valid).sum(axis=1) / np.maximum(valid.sum(axis=1), 1)
+        return np.asarray(np.sqrt(power), dtype=np.float64)
+
+    @property
+    def good_enough(self) -> BoolArray:
+        """Return which channels (c,) are within the tolerance that was stated."""
+        tolerance = self.problem.channels.tolerance
+        return np.zeros(self.problem.c, bool) if tolerance is None else np.asarray(self.rms <= tolerance)
+
+    def line_hz(self) -> float:
+        """Return the line's frequency, NaN without one."""
+        return np.nan if self.line is None else self.line.bin * self.problem.rate_hz / self.problem.n
+
+
+def left(problem: Problem, white: Whitening, probe: Probe, residual: FloatArray) -> Left:
+    """Return what a model with this raw `residual` (c, n) leaves."""
+    return Left(problem, white, residual, probe.predictable(residual), strongest_line(residual, FAINT_SHARE))
+
+
+def adequacy(here: Left, elsewhere: Left | None) -> tuple[Adequacy, Predictable]:
+    """Return whether a model is adequate by what it leaves `here`, and what of it the inputs predict, lines included.
+
+    Little that is predictable, and a faint line, are believed only if what the same model leaves `elsewhere`, on
+    another recording, shows them too.
+    """
+    problem, white, residual, found = here.problem, here.white, here.residual, here.predictable
     own = white(residual)
     count = np.maximum(white.kept.sum(axis=1), 1)
     unit = own / np.sqrt(np.maximum((own**2).sum(axis=1) / count, np.finfo(float).tiny))[:, None]
-    rms = np.sqrt((residual**2 * problem.valid).sum(axis=1) / np.maximum(problem.valid.sum(axis=1), 1))
-    known = problem.channels.noise_std
-    level = rms / known if known is not None else np.full(problem.c, np.nan)
-    most = LEVEL * _level_by_chance(problem, white)
-    reasons = []
-    if found.groups and float(found.share.max()) >= (_MATERIAL if elsewhere <= _CHANCE_ELSEWHERE else _PLAIN):
-        where, told = problem.channels.names[int(np.argmax(found.share))], ", ".join(found.groups)
-        reasons.append(f"{100.0 * float(found.share.max()):.1f} % of what is left in {where} follows from {told}")
-    line = strongest_line(residual)
-    if line is not None:
-        name, hz = problem.channels.names[line.row], line.bin * problem.rate_hz / problem.n
-        reasons.append(f"{name}: a line at {hz:.2f} Hz holds {100.0 * line.share:.0f} %")
+    known = problem.noise
+    level = here.rms / known.std if known is not None else np.full(problem.c, np.nan)
+    by_chance = _level_by_chance(problem, white)
+    counts = ~here.good_enough
+    share = np.where(counts, found.share, 0.0)
+    confirmed = elsewhere is not None and elsewhere.predictable.chance <= _CHANCE_ELSEWHERE
+    reasons, doubts = [], []
+    if found.groups and float(share.max()) >= (_MATERIAL if confirmed else _PLAIN):
+        where, told = problem.channels.names[int(np.argmax(share))], ", ".join(found.groups)
+        reasons.append(f"{100.0 * float(share.max()):.1f} % of what is left in {where} follows from {told}")
+    line = here.line
+    if line is not None and counts[line.row] and (line.share >= SHARE or _same_line(here, elsewhere)):
+        name = problem.channels.names[line.row]
+        reasons.append(f"{name}: a line at {here.line_hz():.2f} Hz holds {100.0 * line.share:.0f} %")
         found = replace(found, signal=found.signal + line.signal)
-    if np.any(level > most):
-        row = int(np.nanargmax(level / most))
-        reasons.append(f"{problem.channels.names[row]}: {level[row]:.2f} times the declared noise is left")
+    if known is not None:
+        over = np.where(counts, level / by_chance, 0.0)
+        row = int(np.argmax(over))
+        name, times = problem.channels.names[row], f"{level[row]:.2f} times the noise"
+        if known.whole and over[row] > LEVEL:
+            words = "the declared noise" if known.source == "stated" else f"the noise, told by {known.source}"
+            reasons.append(f"{name}: {level[row]:.2f} times {words} is left")
+        elif not known.whole and over[row] > _LEVEL_AT_REST:
+            doubts.append(f"{name}: {times} at rest is left, and nothing shows what it follows from")
     return (
         Adequacy(
             adequate=not reasons,
@@ -66,9 +111,33 @@ def adequacy(
             whiteness=_whiteness(unit),
             heteroscedasticity=_heteroscedasticity(problem, unit),
             reasons=tuple(reasons),
+            doubts=tuple(doubts),
         ),
         found,
     )
+
+
+def grown(here: Left, elsewhere: Left) -> str | None:
+    """Return in words where a frozen model leaves far more `elsewhere` than `here`, where it was fitted.
+
+    A noise that is known judges each recording by itself.
+    """
+    if here.problem.noise is not None or not np.all(here.rms > 0.0):
+        return None
+    chance = _level_by_chance(elsewhere.problem, elsewhere.white) * _level_by_chance(here.problem, here.white)
+    times = np.where(elsewhere.good_enough, 0.0, elsewhere.rms / here.rms)
+    row = int(np.argmax(times / chance))
+    if times[row] <= _GROWN * chance[row]:
+        return None
+    return f"{here.problem.channels.names[row]}: {times[row]:.1f} times what the fitted recording leaves"
+
+
+def _same_line(here: Left, elsewhere: Left | None) -> bool:
+    """Return whether a line is in the same channel at the same frequency elsewhere, to a bin of either record."""
+    if elsewhere is None or here.line is None or elsewhere.line is None or here.line.row != elsewhere.line.row:
+        return False
+    bin_hz = sum(each.problem.rate_hz / each.problem.n for each in (here, elsewhere))
+    return bool(abs(here.line_hz() - elsewhere.line_hz()) <= bin_hz)
 
 
 def _level_by_chance(problem: Problem, white: Whitening) -> FloatArray:

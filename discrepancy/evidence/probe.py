@@ -180,7 +180,7 @@ class Probe:
             inner = told @ told.T
             inner[np.diag_indices(len(told))] += _LOADING * len(r)
             free[row] = raw - np.linalg.solve(inner, told @ raw.T).T @ told
-        plain = np.ones((1, self._response.shape[1]))
+        plain = np.ones((1, self._response.shape[1]), dtype=np.complex128)
         white = np.stack([self._white(each, plain) * kept for each, kept in zip(free, self._kept, strict=True)])
         return self._grouped(name, free, white, inside=True)
 

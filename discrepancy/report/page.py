@@ -14,6 +14,7 @@ from discrepancy.report.wording import (
     number_text,
     parameter_words,
     quantity_text,
+    seen_text,
     share_text,
     words,
 )
@@ -58,6 +59,10 @@ svg text {{ font-family: Helvetica, Arial, "DejaVu Sans", sans-serif !important;
 """
 
 
+_FLOOR_WORDS = {
+    True: "noise, which no simulation can go below",
+    False: "noise, estimated from what the extended simulation leaves",
+}
 _EVIDENCE_HEAD = (
     "<tr><th>candidate</th><th>parameters</th><th class='number'>χ² lowered by</th><th></th>"
     "<th class='number'>noise alone reaches</th><th>verdict</th></tr>"
@@ -95,15 +100,19 @@ def _summary(explanation: Explanation, title: str) -> str:
         for value, colour, what in (
             (share_text(gain.held_out_nrmse_before), BEFORE, "error of the simulation as it was"),
             (share_text(gain.held_out_nrmse_after), AFTER, "error of the extended simulation"),
-            (share_text(gain.noise_floor_nrmse), "#5d656c", "noise, which no simulation can go below"),
+            (share_text(gain.noise_floor_nrmse), "#5d656c", _FLOOR_WORDS[verdict.noise_from is not None]),
         )
     )
     removed = gain.share_of_excess_removed
-    told = (
-        f"The extension removes <b>{share_text(removed)}</b> of the error's power above the noise. "
-        if removed is not None and verdict.causes
-        else ""
-    )
+    told = ""
+    if verdict.causes:
+        told = (
+            f"The extension removes <b>{share_text(removed)}</b> of the error's power above the noise. "
+            if removed is not None
+            else "Which share of the error above the noise that is cannot be told, as the noise was not stated. "
+        )
+    seen = seen_text(verdict)
+    told += f"Effects would have been seen from: {escape(seen)}. " if seen else ""
     return (
         f'<p class="kicker">{escape(title)}</p>\n<h1>{escape(headline(explanation.verdict))}</h1>\n'
         f'<p class="lead">{escape(first)}</p>\n<div class="figures">{figures}</div>\n'

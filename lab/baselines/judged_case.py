@@ -12,8 +12,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from discrepancy.evidence.probe import Probe
 from discrepancy.evidence.gain import gain, nrmse
+from discrepancy.evidence.probe import Probe
 from discrepancy.evidence.whitening import whitening
 from discrepancy.problem import Problem
 from lab.baselines.models import BASELINES, Case

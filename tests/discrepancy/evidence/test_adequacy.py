@@ -2,13 +2,14 @@
 in words, and of the true size.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from discrepancy.evidence.adequacy import LEVEL, adequacy
+from discrepancy.evidence.adequacy import LEVEL, Left, adequacy, left
 from discrepancy.evidence.probe import Predictable, Probe
 from discrepancy.evidence.whitening import whitening
 from discrepancy.explanation import Adequacy
@@ -38,7 +39,13 @@ def judged(
     problem = Problem(LinearSimulation((signal + noise).T, inputs.T, noise_std=declared))
     white = whitening(noise, problem.valid)
     residual = problem.residual({})
-    return adequacy(problem, white, Probe(problem, white, predicted, residual, seed), residual, elsewhere)
+    here = left(problem, white, Probe(problem, white, predicted, residual, seed), residual)
+    return adequacy(here, with_chance(here, elsewhere))
+
+
+def with_chance(here: Left, chance: float) -> Left:
+    """Return another recording of which only the chance of what the inputs predict is known."""
+    return replace(here, predictable=replace(here.predictable, chance=chance), line=None)
 
 
 @lru_cache
@@ -90,7 +97,7 @@ def test_noise_as_declared_is_louder_once_in_a_thousand_recordings_however_slow(
     levels, refused = np.zeros(draws), 0
     for draw, noise in enumerate(autoregressive(rng, (draws, 1, _N), (_SLOW,))):
         problem = Problem(LinearSimulation(noise.T, noise.T, noise_std=np.array([std])))
-        told = adequacy(problem, whitening(noise, problem.valid), NothingFollows(), noise, 0.0)[0]
+        told = adequacy(left(problem, whitening(noise, problem.valid), NothingFollows(), noise), None)[0]
         levels[draw] = told.level[0]
         refused += any("declared" in reason for reason in told.reasons)
     assert refused <= likely_counts(draws, 0.001)[1], f"seed {_SEED}: {refused} of {draws}"
@@ -186,7 +193,7 @@ def test_whiteness_is_the_largest_autocorrelation_to_lag_64() -> None:
     inputs, predicted, noise = motion(300)
     problem = Problem(LinearSimulation(noise.T, inputs.T))
     white = whitening(noise, problem.valid)
-    told = adequacy(problem, white, Probe(problem, white, predicted, noise, 1), noise, 0.0)[0]
+    told = adequacy(left(problem, white, Probe(problem, white, predicted, noise, 1), noise), None)[0]
     e = white(noise)[0]
     e /= np.sqrt(np.sum(e**2) / white.count)
     expected = max(abs(sum(e[t] * e[t - lag] for t in range(lag, 300))) / 300 for lag in range(1, 65))
