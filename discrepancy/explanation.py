@@ -72,7 +72,7 @@ class Adequacy:
     `chance` the probability of the whole under noise alone; `level` (c,) the residual over the known noise, NaN
     where none is known; `whiteness` (c,) the largest autocorrelation left after whitening; `heteroscedasticity`
     (c,) the correlation of its magnitude with the inputs' level. `reasons` say in words what failed, `doubts` what may
-    be noise or not.
+    be noise or not, `remarks` what is there beside.
     """
 
     adequate: bool
@@ -83,6 +83,7 @@ class Adequacy:
     heteroscedasticity: FloatArray
     reasons: tuple[str, ...]
     doubts: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ class Findings:
             quantities_after=_quantities(problem, models.extended, models.extended_intervals, models.extended.keys),
             causes=tuple(problem.effects[cause.name] for cause in causes),
             rivals={name: problem.effects[name] for cause in causes for name in cause.equivalents},
-            notes=self.notes,
+            notes=(*self.notes, *judgement.after.remarks),
             seed=self.seed,
         )
 
@@ -81,6 +81,7 @@ class Findings:
             next_experiment=self._next_experiment(causes),
             noise_from=None if noise is None else noise.source,
             seen_above=self._seen_above(),
+            notes=[*self.notes, *judgement.after.remarks],
         )
 
     def _doubts(self) -> list[str]:

@@ -72,7 +72,7 @@ class Verdict(msgspec.Struct, frozen=True):
 
     `noise_from` tells what the noise is known from beside any model; null where it had to be estimated from what the
     models leave. `seen_above` tells, where nothing was named, from which size on each parameter would have been seen;
-    a null value means that none within its bounds would have been.
+    a null value means that none within its bounds would have been. `notes` say what a reader should know beside.
     """
 
     system: str
@@ -85,6 +85,7 @@ class Verdict(msgspec.Struct, frozen=True):
     next_experiment: str | None
     noise_from: Literal["stated", "repeats", "period", "rest"] | None = None
     seen_above: dict[str, Quantity] = {}
+    notes: list[str] = []
 
 
 def number(value: float) -> float | None:

@@ -72,7 +72,7 @@ def adequacy(here: Left, elsewhere: Left | None) -> tuple[Adequacy, Predictable]
     """Return whether a model is adequate by what it leaves `here`, and what of it the inputs predict, lines included.
 
     Little that is predictable, and a faint line, are believed only if what the same model leaves `elsewhere`, on
-    another recording, shows them too.
+    another recording, shows them too. A faint line is remarked and condemns no model: a sensor's noise may hold it.
     """
     problem, white, residual, found = here.problem, here.white, here.residual, here.predictable
     own = white(residual)
@@ -84,15 +84,20 @@ def adequacy(here: Left, elsewhere: Left | None) -> tuple[Adequacy, Predictable]
     counts = ~here.good_enough
     share = np.where(counts, found.share, 0.0)
     confirmed = elsewhere is not None and elsewhere.predictable.chance <= _CHANCE_ELSEWHERE
-    reasons, doubts = [], []
+    reasons: list[str] = []
+    doubts: list[str] = []
+    remarks: list[str] = []
     if found.groups and float(share.max()) >= (_MATERIAL if confirmed else _PLAIN):
         where, told = problem.channels.names[int(np.argmax(share))], ", ".join(found.groups)
         reasons.append(f"{100.0 * float(share.max()):.1f} % of what is left in {where} follows from {told}")
     line = here.line
-    if line is not None and counts[line.row] and (line.share >= SHARE or _same_line(here, elsewhere)):
-        name = problem.channels.names[line.row]
-        reasons.append(f"{name}: a line at {here.line_hz():.2f} Hz holds {100.0 * line.share:.0f} %")
-        found = replace(found, signal=found.signal + line.signal)
+    if line is not None and counts[line.row]:
+        told = f"{problem.channels.names[line.row]}: a line at {here.line_hz():.2f} Hz holds {100.0 * line.share:.0f} %"
+        if line.share >= SHARE:
+            reasons.append(told)
+            found = replace(found, signal=found.signal + line.signal)
+        elif _same_line(here, elsewhere):
+            remarks.append(f"{told} of what is left, on both recordings")
     if known is not None:
         over = np.where(counts, level / by_chance, 0.0)
         row = int(np.argmax(over))
@@ -112,6 +117,7 @@ def adequacy(here: Left, elsewhere: Left | None) -> tuple[Adequacy, Predictable]
             heteroscedasticity=_heteroscedasticity(problem, unit),
             reasons=tuple(reasons),
             doubts=tuple(doubts),
+            remarks=tuple(remarks),
         ),
         found,
     )

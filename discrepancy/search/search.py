@@ -41,6 +41,8 @@ _RIVAL_FINISHED, _RIVAL_TOLD = 0.2, 0.5
 _OF_EXCESS = 0.03
 """Of the excess that is left: what a further cause must remove. Less may be the first ones' own inexactness."""
 
+_MANY, _OF_EXPLAINED = 3, 3e-4
+"""Causes, from which on a further one must bring this share of what all explain: their formulas are no better."""
 _OF_GAIN = 0.005
 """Of the gain in χ², for each parameter more: what it must bring beside its price."""
 
@@ -156,6 +158,7 @@ class Search:
     ) -> Proposal:
         """Return the first cause with all that join it, as long as each pays."""
         refits = self.refits
+        base = refits.base
         couples = _Couples.of(refits, at_base, alone)
         while len(causes) < _MOST_CAUSES:
             best = refits.recoloured(best)
@@ -172,6 +175,8 @@ class Search:
             if len(causes) == 1:
                 proposals += self._pairs_from_base(couples, best, least)
             material = _OF_EXCESS * max(best.chi2 - refits.white.count, 0.0)
+            if len(causes) >= _MANY:
+                material = max(material, _OF_EXPLAINED * (refits.rated(base).chi2 - best.chi2))
             improved = self._best_of(proposals, best, at_base, max(least, material))
             if improved is None:
                 return best, causes

@@ -70,9 +70,9 @@ def smallest(
             furthest = max(abs(p.low - p.neutral), abs(p.high - p.neutral))
             size = float(s * p.scale)
             sizes[key] = size if size <= furthest else inf
-            changed = np.sqrt((library.columns[row] ** 2 * problem.valid).mean(axis=1)) * s
-            times = float(np.max(np.where(spread > 0.0, changed / np.maximum(spread, np.finfo(float).tiny), 0.0)))
-            short = max(size / furthest, times / _MOST_OF_OUTPUT) if isfinite(s) else inf
+            changed = np.sqrt((library.columns[row] ** 2 * problem.valid).mean(axis=1))
+            share = np.where(spread > 0.0, changed / np.maximum(spread, np.finfo(float).tiny), 0.0)
+            short = max(size / furthest, s * float(share.max()) / _MOST_OF_OUTPUT) if isfinite(s) else inf
             needed[each.effect] = min(needed.get(each.effect, inf), short)
     shorts = np.array(list(needed.values()))
     if not len(shorts):
