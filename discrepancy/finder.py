@@ -59,7 +59,8 @@ def explain(fit: Simulation, held_out: Simulation | None, *, seed: int, only: tu
         models, judgement = models.withdrawn(), judgement.withdrawn()
     notes += _compared(recordings.fit, "fitted") + _compared(recordings.held_out, "held out")
     alternatives = _alternatives(search, models, rivals=not only)
-    smallest = None if models.causes or only else search.smallest(found.chance)
+    quiet = judgement.after.adequate and not models.causes and not only
+    smallest = search.smallest(found.chance) if quiet else None
     return Findings(recordings, found, models, judgement, alternatives, smallest, notes, seed).explanation()
 
 

@@ -32,7 +32,7 @@ class Alternatives:
 class Findings:
     """One recording explained: what the search found, the models kept, how they were judged, and what could stand in.
 
-    `smallest` tells what would have been seen, where no cause was named. `notes` are for a person, `seed` drew the
+    `smallest` tells what would have been seen, where nothing was. `notes` are for a person, `seed` drew the
     bootstrap.
     """
 

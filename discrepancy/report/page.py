@@ -124,6 +124,8 @@ def _summary(explanation: Explanation, title: str) -> str:
 def _signature_text(explanation: Explanation) -> str:
     if explanation.verdict.verdict == "nothing":
         return "No effect of the library is needed, and what is left does not follow from the inputs: it is noise."
+    if explanation.verdict.verdict == "cannot_tell":
+        return "Nothing was found, but this recording would not show what it is looked at for. What would: see below."
     return f"What is not explained shows {_where(explanation.verdict.remainder.signature)}."
 
 
