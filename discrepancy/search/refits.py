@@ -19,7 +19,7 @@ _OTHER_COLOUR = 0.01
 """Nats of log likelihood per sample by which the noise that a fit leaves must differ to be whitened by anew."""
 _BASE_STEPS, _RECOLOURED_STEPS = 3, 4
 """Steps of a fit that begins where it converged under another whitening."""
-_UNDONE = 0.5
+_UNDONE = 0.65
 """Of what either of two effects changes: where they change less together, one undoes the other."""
 _RECOLOURING_ROUNDS = 1
 """Estimates of the noise beneath the library when it is whitened anew: the fit's own residual is little but noise."""
@@ -144,8 +144,8 @@ class Refits:
         return False
 
     def cancel(self, fit: Fit, causes: Sequence[Candidate]) -> bool:
-        """Return whether two of the causes undo each other: together they change the prediction by less than half of
-        what either does.
+        """Return whether two of the causes undo each other: together they change the prediction by less than two
+        thirds of what either does.
 
         A delay and an advance that cancel leave a smoother of what both act on, which lowers the misfit of a reference
         with noise in it though nothing is delayed.
