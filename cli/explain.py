@@ -147,9 +147,10 @@ def _print(explanation: "Explanation") -> None:
         table("Causes", ["cause", "parameter", "value", "95 %", "unit"], rows)
     for effect in explanation.causes:
         console.print(f"- {words(effect.name)}: {effect.explanation} {effect.remedy}", highlight=False, markup=False)
+    told = f"; {removed_text(verdict)}" if verdict.causes else ""
     console.print(
         f"held-out error {share_text(gain.held_out_nrmse_before)} → {share_text(gain.held_out_nrmse_after)}, noise "
-        f"{share_text(gain.noise_floor_nrmse)}{'' if verdict.noise_from else ' (estimated)'}; {removed_text(verdict)}",
+        f"{share_text(gain.noise_floor_nrmse)}{'' if verdict.noise_from else ' (estimated)'}{told}",
         highlight=False,
     )
     if verdict.seen_above:

@@ -38,13 +38,18 @@ def headline(verdict: Verdict) -> str:
 
 
 def seen_text(verdict: Verdict) -> str:
-    """Return from which size on effects would have been seen, empty where it does not apply."""
+    """Return from which size on effects would have been seen, the least visible parameter of each unit for all; empty
+    where it does not apply.
+    """
+    least: dict[tuple[str, str], float] = {}
+    for key, seen in verdict.seen_above.items():
+        place = key.partition(".")[0], seen.unit
+        least[place] = max(least.get(place, 0.0), math.inf if seen.value is None else seen.value)
     parts = []
-    for key, least in verdict.seen_above.items():
-        effect, _, parameter = key.partition(".")
-        value, _, unit = quantity_text(least)
-        size = "no size within its bounds" if least.value is None else f"{value} {unit}".strip()
-        parts.append(f"{words(effect)} {parameter_words(parameter)} {size}")
+    for (effect, unit), size in least.items():
+        value, _, told = quantity_text(Quantity(size if math.isfinite(size) else None, None, None, unit))
+        rounded = f"{float(value):.2g} {told}".strip() if math.isfinite(size) else "at no size within its bounds"
+        parts.append(f"{words(effect)} {rounded}")
     return "; ".join(parts)
 
 

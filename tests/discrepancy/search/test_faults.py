@@ -6,6 +6,7 @@ import pytest
 from discrepancy import Explanation, explain
 from discrepancy.own_simulation import OwnSimulation
 from discrepancy.problem import Problem
+from discrepancy.report.wording import seen_text
 from discrepancy.search.equivalents import better
 from discrepancy.search.search import Search
 from discrepancy.simulation import Channels, Effect, Parameter, Values
@@ -82,9 +83,11 @@ def test_nothing_says_from_which_size_on_it_would_have_been_seen() -> None:
     assert size is not None
     assert explain(recording(1.3 * size), recording(1.3 * size), seed=1).verdict.verdict == "named"
     assert explain(recording(0.4 * size), recording(0.4 * size), seed=1).verdict.verdict == "nothing"
+    assert seen_text(least) == f"slope {size:.2g}"
     deaf = explain(recording(0.0, 100.0), recording(0.0, 100.0), seed=1).verdict
     assert deaf.verdict == "cannot_tell"
     assert deaf.seen_above["slope.value"].value is None
+    assert seen_text(deaf) == "slope at no size within its bounds"
     assert "times as strong" in (deaf.next_experiment or "")
 
 
