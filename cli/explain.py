@@ -129,7 +129,15 @@ def _write(path: Path, data: bytes) -> None:
 
 def _print(explanation: "Explanation") -> None:
     from cli.console import console, table
-    from discrepancy.report.wording import headline, parameter_words, quantity_text, share_text, words
+    from discrepancy.report.wording import (
+        headline,
+        parameter_words,
+        quantity_text,
+        removed_text,
+        seen_text,
+        share_text,
+        words,
+    )
 
     verdict, gain = explanation.verdict, explanation.verdict.gain
     console.print(headline(verdict), style="bold")
@@ -142,11 +150,15 @@ def _print(explanation: "Explanation") -> None:
         table("Causes", ["cause", "parameter", "value", "95 %", "unit"], rows)
     for effect in explanation.causes:
         console.print(f"- {words(effect.name)}: {effect.explanation} {effect.remedy}")
+    told = f"; {removed_text(verdict)}" if verdict.causes else ""
     console.print(
         f"held-out error {share_text(gain.held_out_nrmse_before)} → {share_text(gain.held_out_nrmse_after)}, noise "
-        f"{share_text(gain.noise_floor_nrmse)}; {share_text(gain.share_of_excess_removed)} of the error's power above "
-        "the noise removed",
+        f"{share_text(gain.noise_floor_nrmse)}{'' if verdict.noise_from else ' (estimated)'}{told}",
         highlight=False,
     )
+    if verdict.seen_above:
+        console.print(f"would have been seen from: {seen_text(verdict)}")
+    for note in explanation.notes:
+        console.print(f"note: {note}")
     if verdict.next_experiment:
         console.print(f"next experiment: {verdict.next_experiment}")

@@ -69,9 +69,10 @@ class Adequacy:
     """Whether a model leaves nothing in the recording that follows from the inputs.
 
     `predictable` (c,) is the share of each channel's whitened residual power that the inputs predict out of sample;
-    `chance` the probability of the whole under noise alone; `level` (c,) the residual over the declared noise, NaN
-    where none is declared; `whiteness` (c,) the largest autocorrelation left after whitening; `heteroscedasticity`
-    (c,) the correlation of its magnitude with the inputs' level. `reasons` say in words what failed.
+    `chance` the probability of the whole under noise alone; `level` (c,) the residual over the known noise, NaN
+    where none is known; `whiteness` (c,) the largest autocorrelation left after whitening; `heteroscedasticity`
+    (c,) the correlation of its magnitude with the inputs' level. `reasons` say in words what failed, `doubts` what may
+    be noise or not, `remarks` what is there beside.
     """
 
     adequate: bool
@@ -81,6 +82,8 @@ class Adequacy:
     whiteness: FloatArray
     heteroscedasticity: FloatArray
     reasons: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

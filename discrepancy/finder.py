@@ -1,9 +1,14 @@
 """The one call: a simulation held against its recording gives an explanation."""
 
+from dataclasses import replace
+
+import numpy as np
+
 from discrepancy.explanation import Explanation
 from discrepancy.findings import Alternatives, Findings
 from discrepancy.judgement import Models, Recordings, judged
-from discrepancy.search.equivalents import equivalents
+from discrepancy.problem import MOST_LOST, Problem
+from discrepancy.search.equivalents import better, equivalents
 from discrepancy.search.pruning import intervals_of, kept
 from discrepancy.search.search import Found, Search
 from discrepancy.simulation import Simulation
@@ -14,6 +19,10 @@ __all__ = ["Explanation", "explain"]
 
 _LEAST_REMOVED = 0.5
 """Of the held-out error's power above the noise: what causes must remove, frozen, to be named."""
+_LEAST_COMPARED = 0.95
+"""Of what was measured: where less can be compared, it is told."""
+_MOST_EXCHANGED = 2
+"""Causes that are exchanged at the end for a rival that fits better: the search itself has offered each to two."""
 
 
 def explain(fit: Simulation, held_out: Simulation | None, *, seed: int, only: tuple[str, ...] = ()) -> Explanation:
@@ -35,14 +44,24 @@ def explain(fit: Simulation, held_out: Simulation | None, *, seed: int, only: tu
     else:
         found = search.found()
         models = _kept(recordings, search, found)
-    judgement = judged(recordings, models, seed)
     notes: tuple[str, ...] = ()
+    if models.causes and recordings.held_out.lost(recordings.held_out.predicted(models.extended.values)) > MOST_LOST:
+        names = ", ".join(dict.fromkeys(each.effect for each in models.causes))
+        notes = (f"{names}: fits this recording best, but the simulation diverges with it on the one held out",)
+        models = models.withdrawn()
+    judgement = judged(recordings, models, seed)
     if models.causes and not (only or _holds(judgement.gain)):
         names = ", ".join(dict.fromkeys(each.effect for each in models.causes))
         notes = (f"{names}: fits this recording best, but does not hold on the one held out",)
         models, judgement = models.withdrawn(), judgement.withdrawn()
+    elif judgement.good_enough and not only:
+        notes = ("the simulation as it is meets the stated tolerance in every channel",)
+        models, judgement = models.withdrawn(), judgement.withdrawn()
+    notes += _compared(recordings.fit, "fitted") + _compared(recordings.held_out, "held out")
     alternatives = _alternatives(search, models, rivals=not only)
-    return Findings(recordings, found, models, judgement, alternatives, notes, seed).explanation()
+    quiet = judgement.after.adequate and not models.causes and not only
+    smallest = search.smallest(found.chance) if quiet else None
+    return Findings(recordings, found, models, judgement, alternatives, smallest, notes, seed).explanation()
 
 
 def _all_found(recordings: Recordings, found: Found) -> Models:
@@ -57,7 +76,26 @@ def _kept(recordings: Recordings, search: Search, found: Found) -> Models:
     """Return the base model and its extension by those causes that stand on something."""
     problem = recordings.fit
     best, causes, intervals = kept(problem, recordings.held_out, search, found)
+    for _ in range(_MOST_EXCHANGED if causes else 0):
+        exchanged = better(search, best, causes)
+        if exchanged is None:
+            break
+        fit, proposed = exchanged
+        again = kept(problem, recordings.held_out, search, replace(found, best=fit, causes=proposed))
+        if len(again[1]) < len(causes):
+            break
+        best, causes, intervals = again
     return Models(found.base, intervals_of(problem, found.base), best, intervals, causes)
+
+
+def _compared(problem: Problem, which: str) -> tuple[str, ...]:
+    """Return a note where much of what was measured could not be compared."""
+    share = float(problem.valid.sum() / max(np.isfinite(problem.channels.values).sum(), 1))
+    if share >= _LEAST_COMPARED:
+        return ()
+    return (
+        f"the recording {which}: the simulation gives {100.0 * share:.1f} % of what was measured; only that counts",
+    )
 
 
 def _holds(gain: Gain) -> bool:

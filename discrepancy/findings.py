@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 
+from discrepancy.evidence.gain import told
 from discrepancy.evidence.signature import nothing_left, signature
 from discrepancy.evidence.whitening import whitening
 from discrepancy.explanation import Evidence, Explanation, Status
@@ -11,6 +13,7 @@ from discrepancy.problem import Problem
 from discrepancy.search.fit import Fit, Intervals
 from discrepancy.search.scores import PENALTY, probability, threshold
 from discrepancy.search.search import Found
+from discrepancy.search.smallest import Smallest
 from discrepancy.verdict import Cause, Quantity, Remainder, Verdict, number
 
 
@@ -29,7 +32,8 @@ class Alternatives:
 class Findings:
     """One recording explained: what the search found, the models kept, how they were judged, and what could stand in.
 
-    `notes` are for a person, `seed` drew the bootstrap.
+    `smallest` tells what would have been seen, where nothing was. `notes` are for a person, `seed` drew the
+    bootstrap.
     """
 
     recordings: Recordings
@@ -37,6 +41,7 @@ class Findings:
     models: Models
     judgement: Judgement
     alternatives: Alternatives
+    smallest: Smallest | None
     notes: tuple[str, ...]
     seed: int
 
@@ -57,27 +62,53 @@ class Findings:
             quantities_after=_quantities(problem, models.extended, models.extended_intervals, models.extended.keys),
             causes=tuple(problem.effects[cause.name] for cause in causes),
             rivals={name: problem.effects[name] for cause in causes for name in cause.equivalents},
-            notes=self.notes,
+            notes=(*self.notes, *judgement.after.remarks),
             seed=self.seed,
         )
 
     def _verdict(self, causes: list[Cause]) -> Verdict:
         problem, models, judgement = self.recordings.fit, self.models, self.judgement
         present = not judgement.after.adequate
+        noise = problem.noise
         return Verdict(
             system=problem.simulation.system,
-            verdict="named" if causes else "unknown" if present else "nothing",
+            verdict="named" if causes else "unknown" if present else "cannot_tell" if self._doubts() else "nothing",
             causes=causes,
             remainder=self._remainder() if present else Remainder(False, 0.0, nothing_left()),
-            gain=judgement.gain,
+            gain=told(self.recordings.held_out, judgement.gain),
             parameters_before=_quantities(problem, models.base, models.base_intervals, problem.base),
             parameters_after=_quantities(problem, models.extended, models.extended_intervals, problem.base),
             next_experiment=self._next_experiment(causes),
+            noise_from=None if noise is None else noise.source,
+            seen_above=self._seen_above(),
+            notes=[*self.notes, *judgement.after.remarks],
         )
+
+    def _doubts(self) -> list[str]:
+        """Return in words why a recording in which nothing was found does not tell that nothing is there."""
+        if self.judgement.good_enough:
+            return []
+        doubts = list(self.judgement.after.doubts)
+        if self.smallest is not None and not self.smallest.telling:
+            doubts.append(
+                f"{100.0 * self.smallest.unseen:.0f} % of the effects could be there unseen, however large, beside the "
+                "noise as it looks"
+            )
+        return doubts
+
+    def _seen_above(self) -> dict[str, Quantity]:
+        """Return from which size on each parameter would have been seen."""
+        if self.smallest is None:
+            return {}
+        parameters = self.recordings.fit.parameters
+        return {
+            key: Quantity(number(size), None, None, parameters[key].unit) for key, size in self.smallest.sizes.items()
+        }
 
     def _remainder(self) -> Remainder:
         """Return what the extended model still misses."""
-        problem, removed = self.recordings.fit, self.judgement.gain.share_of_excess_removed
+        problem = self.recordings.fit
+        removed = told(self.recordings.held_out, self.judgement.gain).share_of_excess_removed
         white = whitening(self.models.extended.residual, problem.valid)
         return Remainder(
             present=True,
@@ -114,7 +145,18 @@ class Findings:
         if not self.judgement.after.adequate:
             where = "; ".join(self.judgement.after.reasons)
             return f"Repeat with one input moving at a time, at half and at twice the amplitude: {where}."
-        return None
+        if causes or not self._doubts():
+            return None
+        why = "; ".join(self._doubts())
+        if self.smallest is not None and not self.smallest.telling:
+            times = self.smallest.short
+            strong = f"{times:.1f} times as strong" if isfinite(times) else "strong enough to move every channel"
+            longer = f", or for {times**2:.0f} times as long" if isfinite(times) else ""
+            return f"Record again with inputs {strong}{longer}: {why}."
+        return (
+            "Record the same inputs twice: what differs between the two is noise, and what is the same in both and not "
+            f"simulated is missing: {why}."
+        )
 
 
 def _quantities(problem: Problem, fit: Fit, found: Intervals, keys: Sequence[str]) -> dict[str, Quantity]:

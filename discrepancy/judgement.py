@@ -4,8 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from discrepancy.evidence.adequacy import Predictable, Probe, adequacy
+from discrepancy.evidence.adequacy import Left, adequacy, grown, left
 from discrepancy.evidence.gain import gain
+from discrepancy.evidence.noise import known_noise, repeated
+from discrepancy.evidence.probe import Predictable, Probe
 from discrepancy.evidence.signature import coherence, power_density
 from discrepancy.evidence.whitening import whitening
 from discrepancy.explanation import Adequacy, Spectrum, View
@@ -32,10 +34,12 @@ class Recordings:
     def of(cls, fit: Simulation, held_out: Simulation | None) -> "Recordings":
         """Return both; raises UserError where too little of one can be compared."""
         if held_out is not None:
-            return cls(Problem(fit), Problem(held_out), True)
+            told = repeated(fit.channels, held_out.channels)
+            return cls(Problem(fit, told), Problem(held_out, told), True)
         n = len(fit.channels.t_s)
         cut = round(_FIT_SHARE * n)
-        return cls(Problem(Part(fit, 0, cut)), Problem(Part(fit, cut, n)), False)
+        told = known_noise(fit.channels)
+        return cls(Problem(Part(fit, 0, cut), told), Problem(Part(fit, cut, n), told), False)
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,9 @@ class Models:
 class Judgement:
     """Adequacy before and after, both recordings as a report shows them, and the gain on the one held out.
 
-    `structured_before` and `structured_after` are what of the fit recording's residuals follows from the inputs.
+    `structured_before` and `structured_after` are what of the fit recording's residuals follows from the inputs. A
+    model is adequate only if it is so on both recordings. `good_enough` tells whether the base model is within the
+    tolerance that was stated, in all channels of both.
     """
 
     before: Adequacy
@@ -67,6 +73,7 @@ class Judgement:
     fit: View
     held_out: View
     gain: Gain
+    good_enough: bool
 
     def withdrawn(self) -> "Judgement":
         """Return the judgement of the base model alone."""
@@ -87,27 +94,40 @@ def judged(recordings: Recordings, models: Models, seed: int) -> Judgement:
     base, extended = other.predicted(models.base.values), other.predicted(models.extended.values)
     other.narrow(np.isfinite(base) & np.isfinite(extended))
     r_base, r_extended = other.difference(base), other.difference(extended)
-    probe_held = Probe(other, whitening(r_extended, other.valid), base, seed)
-    left_held = probe_held.predictable(r_extended)
-    base_held = probe_held.predictable(r_base) if models.causes else left_held
+    white_held = whitening(r_extended, other.valid)
+    probe_held = Probe(other, white_held, extended, r_extended, seed)
+    left_held = left(other, white_held, probe_held, r_extended)
+    base_held = left(other, white_held, probe_held, r_base) if models.causes else left_held
 
     white = whitening(models.extended.residual, problem.valid)
-    predicted = problem.predicted(models.base.values)
-    probe = Probe(problem, white, predicted, seed)
-    before, structured = adequacy(problem, white, probe, models.base.residual, base_held.chance)
-    after, left = before, structured
-    if models.causes:
-        after, left = adequacy(problem, white, probe, models.extended.residual, left_held.chance)
-    fit_extended = problem.predicted(models.extended.values)
+    predicted, fit_extended = (problem.predicted(each.values) for each in (models.base, models.extended))
+    probe = Probe(problem, white, fit_extended, models.extended.residual, seed)
+    left_fit = left(problem, white, probe, models.extended.residual)
+    base_fit = left(problem, white, probe, models.base.residual) if models.causes else left_fit
+    before, structured = _on_both(base_fit, base_held)
+    after, structured_after = _on_both(left_fit, left_held) if models.causes else (before, structured)
     return Judgement(
         before=before,
         after=after,
         structured_before=structured,
-        structured_after=left,
+        structured_after=structured_after,
         fit=_view(problem, predicted, fit_extended, models.base.residual, models.extended.residual),
         held_out=_view(other, base, extended, r_base, r_extended),
-        gain=gain(other, r_base, r_extended, left_held.signal, bool(models.causes)),
+        gain=gain(other, r_base, r_extended, left_held.predictable.signal, bool(models.causes)),
+        good_enough=bool(np.all(base_fit.good_enough & base_held.good_enough)),
     )
+
+
+def _on_both(fitted: Left, held_out: Left) -> tuple[Adequacy, Predictable]:
+    """Return the adequacy on the recording fitted, with what the one held out has against it, and what of the first
+    follows from its inputs.
+    """
+    here, structured = adequacy(fitted, held_out)
+    there, _ = adequacy(held_out, fitted)
+    more = grown(fitted, held_out)
+    reasons = [*here.reasons, *(f"held out: {each}" for each in (*there.reasons, *([more] if more else [])))]
+    doubts = [*here.doubts, *(f"held out: {each}" for each in there.doubts)]
+    return replace(here, adequate=not reasons, reasons=tuple(reasons), doubts=tuple(doubts)), structured
 
 
 def _view(problem: Problem, base: FloatArray, extended: FloatArray, before: FloatArray, after: FloatArray) -> View:

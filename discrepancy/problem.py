@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from discrepancy.evidence.noise import Noise, known_noise
 from discrepancy.simulation import Channels, Effect, Parameter, Simulation, Values
 from discrepancy.values import Complete, Neutral
 from messages.arrays import BoolArray, FloatArray
@@ -16,17 +17,22 @@ from messages.errors import UserError
 LEAST_SAMPLES = 200
 _EDGE_SHARE = 0.005
 """Of the record at either end: filters and shifts in a simulation have no past or future there."""
+MOST_LOST = 0.05
+"""Of the samples compared: a model that gives fewer has diverged, and what it does give is not compared instead."""
+_MOST_CHANGED = 1e100
+"""In a channel's unit, by one scale of a parameter: more is a model that has diverged."""
 
 
 class Problem:
-    """Residuals of one simulation against its recording.
+    """Residuals of one simulation against its recording; `noise` is what is known of its noise beside any model.
 
     Raises UserError where fewer than 200 samples of any channel can be compared.
     """
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Simulation, noise: Noise | None = None) -> None:
         self.simulation = simulation
         self.channels: Channels = simulation.channels
+        self.noise = noise or known_noise(self.channels)
         self.rate_hz = self.channels.rate_hz
         self.parameters: dict[str, Parameter] = {p.name: p for p in simulation.parameters}
         self.base = tuple(self.parameters)
@@ -60,7 +66,8 @@ class Problem:
         """Return measured minus `predicted` (c, n), filled where missing; a prediction missing elsewhere counts as
         right.
         """
-        residual = self._measured - predicted
+        with np.errstate(invalid="ignore"):
+            residual = self._measured - predicted
         return self.filled(np.where(np.isfinite(residual), residual, 0.0))
 
     def predicted(self, values: Values) -> FloatArray:
@@ -84,8 +91,13 @@ class Problem:
         value = self.value(values, key)
         step = 1.0 if value + parameter.scale <= parameter.high else -1.0
         after = self.predicted({**values, key: value + step * parameter.scale})
-        change = (after - before) / step
-        return self.filled(np.where(np.isfinite(change), change, 0.0)), step
+        with np.errstate(invalid="ignore", over="ignore"):
+            change = (after - before) / step
+            return self.filled(np.where(np.abs(change) < _MOST_CHANGED, change, 0.0)), step
+
+    def lost(self, predicted: FloatArray) -> float:
+        """Return the share of the compared samples that a prediction (c, n) cannot give."""
+        return 1.0 - float(np.isfinite(predicted[self.valid]).mean())
 
     def filled(self, values: FloatArray) -> FloatArray:
         """Return `values` (c, n) with what is missing on the line between its neighbours."""
@@ -147,6 +159,7 @@ class Part:
             all_.inputs[self._here],
             all_.input_names,
             all_.noise_std,
+            all_.tolerance,
         )
 
     @property

@@ -24,7 +24,9 @@ class Parameter:
     `neutral` is the value without the effect, or where the base fit starts; infinite where only that is neutral, as for
     a resonance. `scale` is a change that matters physically: steps of differentiation and tests of being zero go by it.
     `inexact` is the share of the value that the simulation's own formula may be off by, known from other recordings
-    whose truth is known: an interval claims no less (GUM, evaluation of type B).
+    whose truth is known: an interval claims no less (GUM, evaluation of type B). `own_bounds` says that the effect took
+    its bounds from the recording, as a limit from the greatest reading: a value on one of them is an answer, while on
+    any other bound the truth may lie beyond.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Parameter:
     high: float
     scale: float
     inexact: float = 0.0
+    own_bounds: bool = False
 
     def __post_init__(self) -> None:
         if not (self.low < self.high and self.scale > 0.0 and math.isfinite(self.scale)):
@@ -87,6 +90,8 @@ class Channels:
     input_names: tuple[str, ...]
     noise_std: FloatArray | None = field(default=None)
     """(c,) standard deviation of one sample of measured minus predicted under the right model, where it is known."""
+    tolerance: FloatArray | None = field(default=None)
+    """(c,) root mean square of measured minus predicted that is good enough, where less need not be explained."""
 
     @property
     def rate_hz(self) -> float:

@@ -45,7 +45,9 @@ class Signature(msgspec.Struct, frozen=True):
 
 
 class Remainder(msgspec.Struct, frozen=True):
-    """Whether the extended model still fails; `share` of what the base model misses beyond noise is left."""
+    """Whether the extended model still fails; `share` of what the base model misses beyond noise is left, null where
+    the noise is not known.
+    """
 
     present: bool
     share: float | None
@@ -53,7 +55,11 @@ class Remainder(msgspec.Struct, frozen=True):
 
 
 class Gain(msgspec.Struct, frozen=True):
-    """Held-out NRMSE with frozen parameters: the RMS over channels, each divided by its measured standard deviation."""
+    """Held-out NRMSE with frozen parameters: the RMS over channels, each divided by its measured standard deviation.
+
+    `share_of_excess_removed` is null where the noise is not known beside the models: a share of what lies above a
+    floor that was taken from the extended model's own residual says nothing.
+    """
 
     held_out_nrmse_before: float | None
     held_out_nrmse_after: float | None
@@ -62,16 +68,24 @@ class Gain(msgspec.Struct, frozen=True):
 
 
 class Verdict(msgspec.Struct, frozen=True):
-    """The whole verdict, strongest cause first."""
+    """The whole verdict, strongest cause first.
+
+    `noise_from` tells what the noise is known from beside any model; null where it had to be estimated from what the
+    models leave. `seen_above` tells, where nothing was named, from which size on each parameter would have been seen;
+    a null value means that none within its bounds would have been. `notes` say what a reader should know beside.
+    """
 
     system: str
-    verdict: Literal["named", "nothing", "unknown"]
+    verdict: Literal["named", "nothing", "unknown", "cannot_tell"]
     causes: list[Cause]
     remainder: Remainder
     gain: Gain
     parameters_before: dict[str, Quantity]
     parameters_after: dict[str, Quantity]
     next_experiment: str | None
+    noise_from: Literal["stated", "repeats", "period", "rest"] | None = None
+    seen_above: dict[str, Quantity] = {}
+    notes: list[str] = []
 
 
 def number(value: float) -> float | None:

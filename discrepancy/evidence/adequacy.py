@@ -1,11 +1,4 @@
-"""Whether a model leaves anything in a recording that follows from its inputs.
-
-The whitened residual is predicted from the functions of `features` by ridge regression, fitted on four fifths of the
-recording's stretches and judged on the others: only what holds out of sample counts. Its law under noise alone is had
-from the residual itself with random signs, one for each stretch (a wild bootstrap, Wu 1986): they keep the noise's
-colour and changing level and break what follows from the inputs. Everything is done on sums over stretches, so that a
-draw costs no pass over the samples, and in the band where the functions have power.
-"""
+"""Whether a model is adequate: what of its residual follows from the inputs, a line, or more than the known noise."""
 
 from dataclasses import dataclass, replace
 
@@ -13,35 +6,15 @@ import numpy as np
 from scipy import fft
 from scipy.special import gammaincinv
 
-from discrepancy.evidence.features import features
-from discrepancy.evidence.spectral_lines import strongest_line
+from discrepancy.evidence.probe import Predictable, Probe
+from discrepancy.evidence.spectral_lines import FAINT_SHARE, SHARE, Line, strongest_line
 from discrepancy.evidence.whitening import Whitening
 from discrepancy.explanation import Adequacy
 from discrepancy.problem import Problem
-from messages.arrays import BoolArray, ComplexArray, FloatArray
+from messages.arrays import BoolArray, FloatArray
 
 _STRETCHES = 40
-"""Of a long recording, each with a sign of its own: eight for each fold, and each long beside the noise's memory."""
-_LEAST_STRETCHES = 10
-"""Of a short recording: two for each fold."""
-_LEAST_LENGTH = 10
-"""Samples of a stretch: in a shorter one neighbours' random signs would break the noise's own colour too."""
-_FOLDS = 5
-"""Parts of the stretches: each is predicted from the other four fifths."""
-_DRAWS = 150
-"""Of signs: the least chance that they can tell, 1 / 151, lies below `_CHANCE`."""
-_RIDGES = (0.01, 0.3)
-"""Of a function's power: little where few functions tell much, much where many tell a little each."""
-_KEPT_POWER = 0.999
-"""Of the functions' whitened power, which the band holds: beyond it they can predict next to nothing."""
-_SPECTRA = 24
-"""Functions of a group, at least, whose spectra tell its band: the others' are like theirs."""
-_LEAST_POINTS, _MOST_POINTS = 512, 6000
-"""Of the band: fewer would be a dozen for each stretch; memory and time grow with their number."""
-_LEAST_SPREAD = 1e-12
-"""Of a gain over the draws: a smaller one is rounding, and would make any gain stand out."""
-_CHANCE = 0.01
-"""Of noise being predicted as well by the best group and ridge: what is likelier is not believed."""
+"""Of the recording, over which the noise's level is held against the inputs'."""
 _MATERIAL = 0.01
 """Of the noise's power: what is predictable below that is the model's own numerical error."""
 _PLAIN = 0.05
@@ -49,217 +22,91 @@ _PLAIN = 0.05
 _CHANCE_ELSEWHERE = 0.1
 """Likewise, on another recording, where what little was found here has only to be confirmed."""
 LEVEL = 1.3
-"""Times the declared noise: what is left above that is no noise."""
+"""Times the known noise: what is left above that is no noise."""
+_LEVEL_AT_REST = 2.0
+"""Times the noise at rest: what is left above that may be noise that motion makes, or not."""
+_GROWN = 2.0
+"""Times what a model leaves where it was fitted: with its noise unknown, what it leaves above that is no noise."""
 _LEVEL_CHANCE = 0.001
 """Of noise being louder than that in any channel: a right model must hardly ever be refused for it."""
-_MOST_GROUPS = 3
-"""Groups of functions used, one on what the other leaves: each costs as much as the first, and finds less."""
 _WHITENESS_LAGS = 64
 """Samples: twice the single lags that the whitening takes away, so that what it cannot reach shows."""
 
 
 @dataclass(frozen=True)
-class Predictable:
-    """What of a residual follows from the inputs out of sample: `signal` (c, n), `share` (c,) of the whitened power in
-    the band, and its `chance` under noise alone; `groups` are the kinds of functions that tell it.
+class Left:
+    """What a model leaves of one recording: its raw `residual` (c, n), what of that is `predictable`, under which
+    `white` noise, and the strongest `line`, which may be faint.
     """
 
-    signal: FloatArray
-    share: FloatArray
-    chance: float
-    groups: tuple[str, ...]
+    problem: Problem
+    white: Whitening
+    residual: FloatArray
+    predictable: Predictable
+    line: Line | None
+
+    @property
+    def rms(self) -> FloatArray:
+        """Return the residual's root mean square (c,)."""
+        valid = self.problem.valid
+        power = (self.residual**2 * valid).sum(axis=1) / np.maximum(valid.sum(axis=1), 1)
+        return np.asarray(np.sqrt(power), dtype=np.float64)
+
+    @property
+    def good_enough(self) -> BoolArray:
+        """Return which channels (c,) are within the tolerance that was stated."""
+        tolerance = self.problem.channels.tolerance
+        return np.zeros(self.problem.c, bool) if tolerance is None else np.asarray(self.rms <= tolerance)
+
+    def line_hz(self) -> float:
+        """Return the line's frequency, NaN without one."""
+        return np.nan if self.line is None else self.line.bin * self.problem.rate_hz / self.problem.n
 
 
-@dataclass(frozen=True)
-class _Group:
-    name: str
-    raw: FloatArray  # (f, n)
-    white: FloatArray  # (c, f, d)
-    gram: FloatArray  # (stretches, c, f, f)
+def left(problem: Problem, white: Whitening, probe: Probe, residual: FloatArray) -> Left:
+    """Return what a model with this raw `residual` (c, n) leaves."""
+    return Left(problem, white, residual, probe.predictable(residual), strongest_line(residual, FAINT_SHARE))
 
 
-class Probe:
-    """Functions of the inputs of one recording, whitened for each channel: what residuals are searched with."""
+def adequacy(here: Left, elsewhere: Left | None) -> tuple[Adequacy, Predictable]:
+    """Return whether a model is adequate by what it leaves `here`, and what of it the inputs predict, lines included.
 
-    def __init__(self, problem: Problem, white: Whitening, predicted: FloatArray, seed: int) -> None:
-        self._problem = problem
-        self._c, self._n = problem.c, problem.n
-        inputs = np.ascontiguousarray(problem.channels.inputs.T)
-        finite = np.where(np.isfinite(predicted), predicted, np.nan)
-        groups = features(inputs.reshape(-1, self._n), finite)
-        self._reach = min(white.reach, self._n - 1)
-        self._padded = fft.next_fast_len((self._n + self._reach + 1) // 2, real=True) * 2
-        self._response = fft.rfft(white.kernels[:, : self._reach + 1], self._padded, axis=1)
-        self._stretches = int(np.clip(self._n // _LEAST_LENGTH, _LEAST_STRETCHES, _STRETCHES))
-        self._points = self._band(groups)
-        spacing = self._padded / self._points
-        at = np.arange(self._points) * spacing - self._reach
-        self._inside = (at >= 0.0) & (at <= self._n - 1)
-        self._at = at[self._inside]
-        kept = problem.valid[:, np.round(self._at).astype(int)]
-        self._kept: BoolArray = kept
-        self._stretch = np.minimum((self._at * self._stretches / self._n).astype(int), self._stretches - 1)
-        self._edges = np.searchsorted(self._stretch, np.arange(self._stretches + 1))
-        self._groups = [self._group(name, raw) for name, raw in groups.items()]
-        rng = np.random.default_rng(seed)
-        self._signs = np.concatenate(
-            (np.ones((1, self._stretches)), rng.choice((-1.0, 1.0), (_DRAWS, self._stretches)))
-        )
-
-    def predictable(self, residual: FloatArray) -> Predictable:
-        """Return what of `residual` (c, n) follows from the inputs."""
-        left = residual.copy()
-        signal = np.zeros_like(residual)
-        power = self._power(residual)
-        used: list[str] = []
-        least = 1.0
-        for _ in range(_MOST_GROUPS):
-            chance, group, ridge_, gain = self._best(left)
-            least = min(least, chance)
-            if chance > _CHANCE or group.name in used:
-                break
-            part = self._predicted(left, group, ridge_)
-            part[gain <= 0.0] = 0.0
-            signal += part
-            left -= part
-            used.append(group.name)
-        share = np.clip(1.0 - self._power(left) / np.maximum(power, np.finfo(float).tiny), 0.0, 1.0)
-        return Predictable(signal, share if used else np.zeros(self._c), least, tuple(used))
-
-    def _band(self, groups: dict[str, FloatArray]) -> int:
-        """Return how many points hold the band with all but a thousandth of the functions' whitened power."""
-        bins = self._padded // 2 + 1
-        power = np.zeros(bins)
-        for raw in groups.values():
-            density = np.abs(fft.rfft(raw[:: max(1, len(raw) // _SPECTRA)], self._padded, axis=1)) ** 2
-            for response in self._response:
-                filtered = density * np.abs(response) ** 2
-                power += (filtered / np.maximum(filtered.sum(axis=1, keepdims=True), np.finfo(float).tiny)).sum(axis=0)
-        held = np.searchsorted(np.cumsum(power), _KEPT_POWER * power.sum()) + 1
-        return int(np.clip(2 * held, min(_LEAST_POINTS, self._padded), min(self._padded, _MOST_POINTS))) // 2 * 2
-
-    def _white(self, values: FloatArray, response: ComplexArray) -> FloatArray:
-        """Return rows (f, n) through filters (f or 1, k), at the band's points, so that unit white noise stays so."""
-        padded = np.concatenate((values[:, self._reach : 0 : -1], values), axis=1)
-        spectrum = fft.rfft(padded, self._padded, axis=1)[:, : self._points // 2 + 1]
-        spectrum = spectrum * response[:, : self._points // 2 + 1]
-        out: FloatArray = fft.irfft(spectrum, self._points, axis=1) * np.sqrt(self._points / self._padded)
-        return out[:, self._inside]
-
-    def _group(self, name: str, raw: FloatArray) -> _Group:
-        white = np.stack(
-            [self._white(raw, response[None]) * kept for response, kept in zip(self._response, self._kept, strict=True)]
-        )
-        size = np.sqrt(np.maximum((white**2).mean(axis=2, keepdims=True), np.finfo(float).tiny))
-        white /= size
-        gram = np.empty((self._stretches, self._c, len(raw), len(raw)))
-        for row, (a, b) in enumerate(zip(self._edges[:-1], self._edges[1:], strict=True)):
-            part = white[:, :, a:b]
-            gram[row] = part @ part.transpose(0, 2, 1)
-        return _Group(name, raw[None] / size, white, gram)
-
-    def _scores(self, residual: FloatArray, group: _Group) -> FloatArray:
-        """Return the functions' scores with the unit residual, (stretches, c, f)."""
-        e = self._white(residual, self._response) * self._kept
-        e /= np.sqrt(np.maximum((e**2).sum(axis=1) / np.maximum(self._kept.sum(axis=1), 1), np.finfo(float).tiny))[
-            :, None
-        ]
-        return np.stack(
-            [
-                np.einsum("cft,ct->cf", group.white[:, :, a:b], e[:, a:b], optimize=True)
-                for a, b in zip(self._edges[:-1], self._edges[1:], strict=True)
-            ]
-        )
-
-    def _best(self, residual: FloatArray) -> tuple[float, _Group, float, FloatArray]:
-        """Return chance, group and ridge of the best prediction, and its gain by channel (c,)."""
-        gains, which = [], []
-        for group in self._groups:
-            gains.append(self._gains(self._scores(residual, group), group))
-            which += [(group, ridge_) for ridge_ in _RIDGES]
-        table = np.concatenate(gains)  # (methods, channels, draws)
-        table = np.concatenate((table, table.sum(axis=1, keepdims=True)), axis=1)
-        mean, spread = table[:, :, 1:].mean(axis=2), table[:, :, 1:].std(axis=2)
-        standing = (table - mean[:, :, None]) / np.maximum(spread, _LEAST_SPREAD)[:, :, None]
-        standing = np.where(table > 0.0, standing, -np.inf)
-        top = standing.reshape(-1, standing.shape[2]).max(axis=0)
-        chance = float((1 + np.sum(top[1:] >= top[0])) / len(top))
-        by_method = table[:, -1, 0] if np.any(table[:, -1, 0] > 0.0) else table[:, :-1, 0].max(axis=1)
-        method = int(np.argmax(by_method))
-        return chance, *which[method], table[method, :-1, 0]
-
-    def _gains(self, scores: FloatArray, group: _Group) -> FloatArray:
-        """Return by how much the out-of-sample square falls, (ridges, c, draws), for the residual and its sign
-        flips.
-        """
-        out = np.zeros((len(_RIDGES), self._c, len(self._signs)))
-        fold = np.arange(self._stretches) % _FOLDS
-        whole = self._flipped(scores, np.ones(self._stretches, bool), self._signs)
-        gram_whole = group.gram.sum(axis=0)
-        for k in range(_FOLDS):
-            z = self._flipped(scores, fold == k, self._signs)
-            gram = group.gram[fold == k].sum(axis=0)
-            for row, ridge_ in enumerate(_RIDGES):
-                weights = self._weights(whole - z, gram_whole - gram, ridge_)
-                out[row] += np.sum(weights * (2.0 * z - gram @ weights), axis=1)
-        return out
-
-    def _flipped(self, scores: FloatArray, here: BoolArray, signs: FloatArray) -> FloatArray:
-        """Return the scores (c, f, draws) of some stretches under the signs (draws, stretches)."""
-        return np.asarray(np.tensordot(scores[here], signs[:, here], axes=(0, 1)), dtype=np.float64)
-
-    def _weights(self, z: FloatArray, gram: FloatArray, ridge_: float) -> FloatArray:
-        return np.asarray(np.linalg.solve(gram + ridge_ * len(self._at) * np.eye(gram.shape[1]), z), dtype=np.float64)
-
-    def _predicted(self, residual: FloatArray, group: _Group, ridge_: float) -> FloatArray:
-        """Return the out-of-sample prediction (c, n) of a residual in its own units."""
-        scores = self._scores(residual, group)
-        e = self._white(residual, self._response) * self._kept
-        level = np.sqrt((e**2).sum(axis=1) / np.maximum(self._kept.sum(axis=1), 1))
-        fold = np.minimum(np.arange(self._n) * self._stretches // self._n, self._stretches - 1) % _FOLDS
-        out = np.zeros_like(residual)
-        ones = np.ones((1, self._stretches))
-        for k in range(_FOLDS):
-            train = np.arange(self._stretches) % _FOLDS != k
-            z = self._flipped(scores, train, ones)
-            weights = self._weights(z, group.gram[train].sum(axis=0), ridge_)[:, :, 0]
-            here = fold == k
-            for row in range(self._c):
-                out[row, here] = level[row] * (weights[row] @ group.raw[row][:, here])
-        return out
-
-    def _power(self, residual: FloatArray) -> FloatArray:
-        return np.asarray(np.sum((self._white(residual, self._response) * self._kept) ** 2, axis=1), dtype=np.float64)
-
-
-def adequacy(
-    problem: Problem, white: Whitening, probe: Probe, residual: FloatArray, elsewhere: float
-) -> tuple[Adequacy, Predictable]:
-    """Return whether a model with this raw `residual` (c, n) is adequate, and what of it the inputs predict.
-
-    `elsewhere` is the chance of what the inputs predict of the same model's residual on another recording: little is
-    believed only if it is missing there too.
+    Little that is predictable, and a faint line, are believed only if what the same model leaves `elsewhere`, on
+    another recording, shows them too. A faint line is remarked and condemns no model: a sensor's noise may hold it.
     """
-    found = probe.predictable(residual)
+    problem, white, residual, found = here.problem, here.white, here.residual, here.predictable
     own = white(residual)
     count = np.maximum(white.kept.sum(axis=1), 1)
     unit = own / np.sqrt(np.maximum((own**2).sum(axis=1) / count, np.finfo(float).tiny))[:, None]
-    rms = np.sqrt((residual**2 * problem.valid).sum(axis=1) / np.maximum(problem.valid.sum(axis=1), 1))
-    known = problem.channels.noise_std
-    level = rms / known if known is not None else np.full(problem.c, np.nan)
-    most = LEVEL * _level_by_chance(problem, white)
-    reasons = []
-    if found.groups and float(found.share.max()) >= (_MATERIAL if elsewhere <= _CHANCE_ELSEWHERE else _PLAIN):
-        where, told = problem.channels.names[int(np.argmax(found.share))], ", ".join(found.groups)
-        reasons.append(f"{100.0 * float(found.share.max()):.1f} % of what is left in {where} follows from {told}")
-    line = strongest_line(residual)
-    if line is not None:
-        name, hz = problem.channels.names[line.row], line.bin * problem.rate_hz / problem.n
-        reasons.append(f"{name}: a line at {hz:.2f} Hz holds {100.0 * line.share:.0f} %")
-        found = replace(found, signal=found.signal + line.signal)
-    if np.any(level > most):
-        row = int(np.nanargmax(level / most))
-        reasons.append(f"{problem.channels.names[row]}: {level[row]:.2f} times the declared noise is left")
+    known = problem.noise
+    level = here.rms / known.std if known is not None else np.full(problem.c, np.nan)
+    by_chance = _level_by_chance(problem, white)
+    counts = ~here.good_enough
+    share = np.where(counts, found.share, 0.0)
+    confirmed = elsewhere is not None and elsewhere.predictable.chance <= _CHANCE_ELSEWHERE
+    reasons: list[str] = []
+    doubts: list[str] = []
+    remarks: list[str] = []
+    if found.groups and float(share.max()) >= (_MATERIAL if confirmed else _PLAIN):
+        where, told = problem.channels.names[int(np.argmax(share))], ", ".join(found.groups)
+        reasons.append(f"{100.0 * float(share.max()):.1f} % of what is left in {where} follows from {told}")
+    line = here.line
+    if line is not None and counts[line.row]:
+        told = f"{problem.channels.names[line.row]}: a line at {here.line_hz():.2f} Hz holds {100.0 * line.share:.0f} %"
+        if line.share >= SHARE:
+            reasons.append(told)
+            found = replace(found, signal=found.signal + line.signal)
+        elif _same_line(here, elsewhere):
+            remarks.append(f"{told} of what is left, on both recordings")
+    if known is not None:
+        over = np.where(counts, level / by_chance, 0.0)
+        row = int(np.argmax(over))
+        name, times = problem.channels.names[row], f"{level[row]:.2f} times the noise"
+        if known.whole and over[row] > LEVEL:
+            words = "the declared noise" if known.source == "stated" else f"the noise, told by {known.source}"
+            reasons.append(f"{name}: {level[row]:.2f} times {words} is left")
+        elif not known.whole and over[row] > _LEVEL_AT_REST:
+            doubts.append(f"{name}: {times} at rest is left, and nothing shows what it follows from")
     return (
         Adequacy(
             adequate=not reasons,
@@ -269,9 +116,34 @@ def adequacy(
             whiteness=_whiteness(unit),
             heteroscedasticity=_heteroscedasticity(problem, unit),
             reasons=tuple(reasons),
+            doubts=tuple(doubts),
+            remarks=tuple(remarks),
         ),
         found,
     )
+
+
+def grown(here: Left, elsewhere: Left) -> str | None:
+    """Return in words where a frozen model leaves far more `elsewhere` than `here`, where it was fitted.
+
+    A noise that is known judges each recording by itself.
+    """
+    if here.problem.noise is not None or not np.all(here.rms > 0.0):
+        return None
+    chance = _level_by_chance(elsewhere.problem, elsewhere.white) * _level_by_chance(here.problem, here.white)
+    times = np.where(elsewhere.good_enough, 0.0, elsewhere.rms / here.rms)
+    row = int(np.argmax(times / chance))
+    if times[row] <= _GROWN * chance[row]:
+        return None
+    return f"{here.problem.channels.names[row]}: {times[row]:.1f} times what the fitted recording leaves"
+
+
+def _same_line(here: Left, elsewhere: Left | None) -> bool:
+    """Return whether a line is in the same channel at the same frequency elsewhere, to a bin of either record."""
+    if elsewhere is None or here.line is None or elsewhere.line is None or here.line.row != elsewhere.line.row:
+        return False
+    bin_hz = sum(each.problem.rate_hz / each.problem.n for each in (here, elsewhere))
+    return bool(abs(here.line_hz() - elsewhere.line_hz()) <= bin_hz)
 
 
 def _level_by_chance(problem: Problem, white: Whitening) -> FloatArray:

@@ -2,7 +2,10 @@
 
 Five groups, each judged by itself, so that a few telling functions are not drowned by many others: the inputs and their
 neighbourhood in time, their products, their odd and even distortions, distortions of the predicted outputs, and time.
+Beside them, curves of single signals, for what acts inside the system and shows only behind its dynamics.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +23,16 @@ _SHIFTS = (-4, -1, 1, 4)
 """Lags by which inputs are shifted: next to the present, and well away from it, before and after."""
 _HIGH = 0.9
 """Quantile of an output's magnitude: what lies above may be cut off by a limit."""
+_CURVES = 60
+"""Functions in all that make curves of the signals: as many as the other groups have."""
+_LEAST_OF_A_CURVE, _MOST_OF_A_CURVE = 4, 20
+"""Of these for one signal: a bend at the least, three teeth of a cogging motor at the most."""
+_SAMPLES_OF_A_CURVE = 20
+"""Of the recording, for each of these functions: in a shorter one a few samples at an end would weigh all."""
+_ENDS = (0.005, 0.995)
+"""Quantiles of a signal between which its curve is free: beyond them hardly a sample tells it."""
+_NEIGHBOURS = (-2, -1, 0, 1, 2)
+"""Samples by which a signal is shifted so that whatever is linear in it is said without a curve."""
 _VARIES = 1e-12
 """Of a row's largest magnitude: what varies less is a constant, but for rounding."""
 
@@ -47,6 +60,36 @@ def features(inputs: FloatArray, predicted: FloatArray) -> dict[str, FloatArray]
         slope = np.gradient(y, axis=1)
         groups["outputs"] = [*y, *(y**2), *(y**3), *(y - np.clip(y, -high, high)), *slope, *np.sign(slope)]
     return {name: _standard(np.array(rows_)) for name, rows_ in groups.items()}
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Functions (f, n) that add up to any piecewise linear curve of one input, of one predicted output, or of its rate
+    of change, and the signals themselves (s, n) beside their neighbours in time, all of unit power.
+    """
+
+    bent: FloatArray
+    straight: FloatArray
+
+
+def curves(inputs: FloatArray, predicted: FloatArray) -> Curves:
+    """Return curves of inputs (k, n) and predicted outputs (c, n).
+
+    A friction, a cogging, a spring that hardens is such a curve, whatever its formula.
+    """
+    u = _principal(_standard(inputs), _MOST_INPUTS)
+    y = _principal(_standard(predicted), _MOST_INPUTS)
+    signals = np.concatenate((u, y, _standard(np.gradient(y, axis=1))))
+    n = predicted.shape[1]
+    most = min(_CURVES, n // _SAMPLES_OF_A_CURVE)
+    knots = int(np.clip(most // max(len(signals), 1), _LEAST_OF_A_CURVE, _MOST_OF_A_CURVE))
+    rows = [np.zeros((0, n))]
+    for each in signals:
+        low, high = np.quantile(each, _ENDS)
+        place = np.clip((each - low) / max(high - low, _VARIES), 0.0, 1.0) * (knots - 1)
+        rows.append(np.clip(1.0 - np.abs(place - np.arange(knots)[:, None]), 0.0, None))
+    straight = [np.roll(np.concatenate((u, y)), shift, axis=1) for shift in _NEIGHBOURS]
+    return Curves(_standard(np.concatenate(rows)), _standard(np.concatenate(straight)))
 
 
 def _standard(values: FloatArray) -> FloatArray:

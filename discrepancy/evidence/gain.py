@@ -1,6 +1,7 @@
 """What an extension gains on a recording it was not fitted to, all parameters frozen."""
 
 import numpy as np
+from msgspec.structs import replace
 
 from discrepancy.evidence.adequacy import LEVEL
 from discrepancy.problem import Problem
@@ -17,7 +18,8 @@ def nrmse(problem: Problem, residual: FloatArray) -> float:
 
 
 def gain(problem: Problem, before: FloatArray, after: FloatArray, signal: FloatArray, named: bool) -> Gain:
-    """Return the gain on the held-out recording of `problem` from its residuals (c, n).
+    """Return the gain on the held-out recording of `problem` from its residuals (c, n), the noise taken for what is
+    left of it: `told` makes of it what can be said where the noise is unknown.
 
     `signal` (c, n) is what of the residual after still follows from the inputs. The noise floor is what is left without
     it. A declared noise is a property of the sensor, off by more than a small effect is large, and lowers the floor
@@ -26,14 +28,19 @@ def gain(problem: Problem, before: FloatArray, after: FloatArray, signal: FloatA
     """
     first, second = nrmse(problem, before), nrmse(problem, after)
     left = np.minimum(_squares(problem, after - signal), _squares(problem, after))
-    known = problem.channels.noise_std
-    if known is not None:
-        noise = problem.valid.sum(axis=1) * known**2
+    known = problem.noise
+    if known is not None and known.whole:
+        noise = problem.valid.sum(axis=1) * known.std**2
         left = np.where(_squares(problem, after) > LEVEL**2 * noise, np.minimum(left, noise), left)
     floor = _root_mean(_shares(problem, left))
     excess = first**2 - floor**2
     share = (first**2 - second**2) / excess if excess > 0.0 else float("nan")
     return Gain(number(first), number(second), number(floor), number(share if named else 0.0 * share))
+
+
+def told(problem: Problem, found: Gain) -> Gain:
+    """Return a gain without its share of an excess, where the noise that begins it is known only from what is left."""
+    return found if problem.noise is not None and problem.noise.whole else replace(found, share_of_excess_removed=None)
 
 
 def _squares(problem: Problem, residual: FloatArray) -> FloatArray:

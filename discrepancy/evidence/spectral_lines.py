@@ -16,8 +16,10 @@ from scipy.ndimage import median_filter
 
 from messages.arrays import FloatArray
 
-_SHARE = 0.25
+SHARE = 0.25
 """Of a channel's power over its running median: what one frequency alone does not hold in noise, however coloured."""
+FAINT_SHARE = 0.02
+"""Likewise, of a line that is at the same frequency on another recording too."""
 _CHANCE = 0.001
 """Of noise reaching as high a bin anywhere in a channel: a line alone condemns a model."""
 _MOST_AROUND = 101
@@ -44,9 +46,9 @@ class Line:
     signal: FloatArray
 
 
-def strongest_line(residual: FloatArray) -> Line | None:
-    """Return the strongest line of `residual` (c, n), or None where chance gives as much, or the record is too short
-    to tell.
+def strongest_line(residual: FloatArray, share: float = SHARE) -> Line | None:
+    """Return the strongest line of `residual` (c, n) that holds this `share` of a channel's levelled power, or None
+    where none does, chance gives as much, or the record is too short to tell.
     """
     n = residual.shape[1]
     power = np.abs(fft.rfft(residual * np.hanning(n), axis=1)) ** 2
@@ -56,15 +58,15 @@ def strongest_line(residual: FloatArray) -> Line | None:
     level = median_filter(power, size=(1, around), mode="reflect")
     over = power / np.maximum(level, np.finfo(float).tiny)
     over[:, : max(around // 2, _LEAST_CYCLES)] = 0.0
-    share = over.max(axis=1) / np.maximum(over.sum(axis=1), np.finfo(float).tiny)
-    found = (share >= _SHARE) & (over.max(axis=1) >= _reached_by_chance(int(np.sum(over > 0.0)), around))
+    shares = over.max(axis=1) / np.maximum(over.sum(axis=1), np.finfo(float).tiny)
+    found = (shares >= share) & (over.max(axis=1) >= _reached_by_chance(int(np.sum(over > 0.0)), around))
     if not found.any():
         return None
-    row = int(np.argmax(np.where(found, share, 0.0)))
+    row = int(np.argmax(np.where(found, shares, 0.0)))
     bins = fft.rfft(residual, axis=1)
     near = np.abs(np.arange(bins.shape[1]) - np.argmax(over, axis=1)[:, None]) <= _BESIDE
     signal: FloatArray = fft.irfft(np.where(near & found[:, None], bins, 0.0), n, axis=1)
-    return Line(row, int(np.argmax(over[row])), float(share[row]), signal)
+    return Line(row, int(np.argmax(over[row])), float(shares[row]), signal)
 
 
 def _reached_by_chance(bins: int, around: int) -> float:

@@ -68,6 +68,10 @@ class Whitening:
         white *= self.kept
         return white
 
+    def innovations(self, values: FloatArray) -> FloatArray:
+        """Return `values` (..., c, n) less what their own past tells of them, in the channels' units."""
+        return _filtered(values, self.response, self.reach)
+
     def noise_density(self, f_hz: FloatArray, rate_hz: float) -> FloatArray:
         """Return the one-sided power density (k, c) of the noise at `f_hz`, unit² / Hz."""
         grid = np.linspace(0.0, 0.5 * rate_hz, self.response.shape[1])
@@ -105,6 +109,21 @@ def whitening(residual: FloatArray, valid: BoolArray) -> Whitening:
     return Whitening(kernels, response, reach, mix, kept, log_det)
 
 
+def past(residual: FloatArray) -> FloatArray:
+    """Return what the filter of (1) predicts a residual (n,) from, (b, n): its single lags and its bands of them."""
+    return _past(residual, _bands(len(residual)))
+
+
+def _past(r: FloatArray, bands: list[tuple[int, int]]) -> FloatArray:
+    n, longest = len(r), bands[-1][1]
+    total = np.concatenate(([0.0], np.cumsum(np.concatenate((r[longest:0:-1], r)))))
+    at = np.arange(n) + longest
+    rows = np.empty((len(bands), n))
+    for row, (first, last) in enumerate(bands):
+        rows[row] = (total[at - first + 1] - total[at - last]) / (last - first + 1)
+    return rows
+
+
 def _filtered(values: FloatArray, response: ComplexArray, reach: int) -> FloatArray:
     """Return `values` (..., c, n) through the filters; before its beginning a record is taken for its own mirror image.
 
@@ -138,17 +157,11 @@ def _after_gap(valid: BoolArray) -> BoolArray:
 
 def _kernel(r: FloatArray, kept: BoolArray, bands: list[tuple[int, int]]) -> FloatArray:
     """Return the filter of (1) for one channel (n,): 1, then minus the weight of every lag."""
-    n, longest = len(r), bands[-1][1]
-    total = np.concatenate(([0.0], np.cumsum(np.concatenate((r[longest:0:-1], r)))))
-    at = np.arange(n) + longest
-    past = np.empty((len(bands), n))
-    for row, (first, last) in enumerate(bands):
-        past[row] = (total[at - first + 1] - total[at - last]) / (last - first + 1)
-    use = past[:, kept]
+    use = _past(r, bands)[:, kept]
     gram = use @ use.T
     gram[np.diag_indices(len(bands))] += _LOADING * float(r[kept] @ r[kept]) + np.finfo(float).tiny
     weight = np.linalg.solve(gram, use @ r[kept])
-    kernel = np.zeros(longest + 1)
+    kernel = np.zeros(bands[-1][1] + 1)
     kernel[0] = 1.0
     for value, (first, last) in zip(weight, bands, strict=True):
         kernel[first : last + 1] = -value / (last - first + 1)

@@ -17,6 +17,7 @@ from discrepancy.report.wording import (
     number_text,
     parameter_words,
     quantity_text,
+    seen_text,
     share_text,
     words,
 )
@@ -44,6 +45,7 @@ def page(explanation: Explanation, files: Sequence[Path] = ()) -> str:
         first=explanation.causes[0].explanation if explanation.causes else _signature_text(explanation),
         verdict=verdict,
         gain=verdict.gain,
+        seen=seen_text(verdict),
         held_out_is_own=explanation.held_out_is_own,
         causes=[_cause(cause, effects[cause.name], explanation.rivals) for cause in verdict.causes],
         missing=_where(verdict.remainder.signature) if remains else "",
@@ -77,6 +79,8 @@ def page(explanation: Explanation, files: Sequence[Path] = ()) -> str:
 def _signature_text(explanation: Explanation) -> str:
     if explanation.verdict.verdict == "nothing":
         return "No effect of the library is needed, and what is left does not follow from the inputs: it is noise."
+    if explanation.verdict.verdict == "cannot_tell":
+        return "Nothing was found, but this recording would not show what it is looked at for. What would: see below."
     return f"What is not explained shows {_where(explanation.verdict.remainder.signature)}."
 
 

@@ -29,10 +29,36 @@ def headline(verdict: Verdict) -> str:
     """Return the verdict in a sentence."""
     if verdict.verdict == "nothing":
         return "Nothing is missing: what the simulation does not explain is noise."
+    if verdict.verdict == "cannot_tell":
+        return "This recording cannot tell: it would show no effect, or its noise may hide one."
     if verdict.verdict == "unknown":
         return "Not explained: the simulation is missing something that no effect of the library describes."
     tail = " Something more is not explained." if verdict.remainder.present else ""
     return f"The simulation is missing: {listed([_or_equivalents(cause) for cause in verdict.causes])}.{tail}"
+
+
+def seen_text(verdict: Verdict) -> str:
+    """Return from which size on effects would have been seen, the least visible parameter of each unit for all; empty
+    where it does not apply.
+    """
+    least: dict[tuple[str, str], float] = {}
+    for key, seen in verdict.seen_above.items():
+        place = key.partition(".")[0], seen.unit
+        least[place] = max(least.get(place, 0.0), math.inf if seen.value is None else seen.value)
+    parts = []
+    for (effect, unit), size in least.items():
+        value, _, told = quantity_text(Quantity(size if math.isfinite(size) else None, None, None, unit))
+        rounded = f"{float(value):.2g} {told}".strip() if math.isfinite(size) else "at no size within its bounds"
+        parts.append(f"{words(effect)} {rounded}")
+    return "; ".join(parts)
+
+
+def removed_text(verdict: Verdict) -> str:
+    """Return what the extension removes, in words."""
+    share = verdict.gain.share_of_excess_removed
+    if share is None:
+        return "how much of the error's power above the noise that is, is not known, as the noise is not"
+    return f"{share_text(share)} of the error's power above the noise removed"
 
 
 def quantity_text(quantity: Quantity) -> tuple[str, str, str]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from discrepancy.evidence.whitening import Whitening, whitening
-from discrepancy.problem import Problem
+from discrepancy.problem import MOST_LOST, Problem
 from discrepancy.simulation import Effect
 from messages.arrays import FloatArray
 
@@ -56,7 +56,7 @@ def choices_of(effect: Effect) -> tuple[tuple[str, ...], ...]:
 def library(problem: Problem, values: dict[str, float], base_columns: FloatArray, names: tuple[str, ...]) -> Library:
     """Return the columns of the base model, given at `values`, and of the effects of these `names`.
 
-    Samples that a column cannot give are taken out of the problem.
+    Samples that a column cannot give are taken out of the problem; a start at which the model diverges is no candidate.
     """
     before = problem.predicted(values)
     columns: list[FloatArray] = list(base_columns)
@@ -64,12 +64,18 @@ def library(problem: Problem, values: dict[str, float], base_columns: FloatArray
     for name in names:
         effect = problem.effects[name]
         known: dict[tuple[tuple[str, float], ...], tuple[int | None, dict[str, int], FloatArray]] = {}
+        diverged: set[tuple[tuple[str, float], ...]] = set()
         for choice, begun in _beginnings(effect):
             mark = tuple(sorted(begun.items()))
+            if mark in diverged:
+                continue
             if mark not in known:
                 known[mark] = (None, {}, before)
                 if begun:
                     there = problem.predicted({**values, **begun})
+                    if problem.lost(there) > MOST_LOST:
+                        diverged.add(mark)
+                        continue
                     problem.narrow(np.isfinite(there))
                     known[mark] = (len(columns), {}, there)
                     columns.append(problem.filled(_finite(there - before)))

@@ -1,7 +1,8 @@
-"""Which causes the data cannot tell apart."""
+"""Which causes the data cannot tell apart, and which would have been better."""
 
 from discrepancy.search.candidates import Candidate
 from discrepancy.search.fit import Fit
+from discrepancy.search.refits import cost
 from discrepancy.search.search import Search
 from discrepancy.verdict import MOST_EQUIVALENTS
 
@@ -19,8 +20,8 @@ def equivalents(
     """Return for each cause the effects that fit as well in its place, best first, with the rise of χ² that each makes,
     and the rise of the best one that does not.
 
-    A rival is the same if the refitted set is within `SAME_CHI2` and needs at most one parameter more. Where no rival
-    came near enough to be refitted its χ² is missing.
+    A rival is the same if the refitted set is within `SAME_CHI2`, neither better nor worse by more, and needs at most
+    one parameter more. Where no rival came near enough to be refitted its χ² is missing.
     """
     best = search.rated(best)
     same: dict[str, list[tuple[float, str]]] = {each.effect: [] for each in causes}
@@ -28,9 +29,22 @@ def equivalents(
     for place, candidate, fit in search.rivals(best, causes, _TRIED):
         name = causes[place].effect
         worse = fit.chi2 - best.chi2
-        if worse < SAME_CHI2 and len(fit.keys) <= len(best.keys) + _MORE_PARAMETERS:
+        if abs(worse) < SAME_CHI2 and len(fit.keys) <= len(best.keys) + _MORE_PARAMETERS:
             same[name].append((worse, candidate.effect))
         else:
             other[name] = min(other.get(name, worse), worse)
     as_good = {name: {each: worse for worse, each in sorted(found)[:MOST_EQUIVALENTS]} for name, found in same.items()}
     return as_good, other
+
+
+def better(search: Search, best: Fit, causes: tuple[Candidate, ...]) -> tuple[Fit, tuple[Candidate, ...]] | None:
+    """Return the causes with one of them replaced by the rival that fits better by more than `SAME_CHI2` and the price
+    of its parameters, the best one; None if there is none.
+    """
+    best = search.rated(best)
+    found = [
+        (fit, tuple(candidate if k == place else each for k, each in enumerate(causes)))
+        for place, candidate, fit in search.rivals(best, causes, _TRIED)
+        if best.chi2 - fit.chi2 > SAME_CHI2 and cost(best) - cost(fit) > SAME_CHI2
+    ]
+    return min(found, key=lambda each: cost(each[0])) if found else None

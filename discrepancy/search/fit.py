@@ -6,13 +6,13 @@ are taken anew at each step.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from discrepancy.evidence.whitening import Whitening
-from discrepancy.problem import Problem
+from discrepancy.problem import MOST_LOST, Problem
 from messages.arrays import FloatArray
 from messages.constants import NORMAL_95
 
@@ -87,6 +87,8 @@ class Fitter:
         residual = problem.difference(predicted)
         e = white(residual).reshape(-1)
         found = Fit(begun, residual, float(e @ e), tuple(keys))
+        if problem.lost(predicted) > MOST_LOST:
+            return replace(found, chi2=np.inf)
         damping, base, refreshed, expected = _DAMPING, self._base, found, np.inf
         moving = (*problem.base, *keys)
         for _ in range(steps):
@@ -98,13 +100,13 @@ class Fitter:
             while share <= 0.0:
                 delta = self._step(found.values, moving, gram, score, damping)
                 promised = float(2.0 * delta @ score - delta @ gram @ delta)
-                if promised < _GAIN_ENOUGH or damping > _MOST_DAMPING:
+                if not promised >= _GAIN_ENOUGH or damping > _MOST_DAMPING:
                     break
                 values = problem.shifted(found.values, moving, delta)
                 tried = problem.predicted(values)
                 residual = problem.difference(tried)
                 left = white(residual).reshape(-1)
-                chi2 = float(left @ left)
+                chi2 = float(left @ left) if problem.lost(tried) <= MOST_LOST else np.inf
                 share = (found.chi2 - chi2) / promised
                 if share > 0.0:
                     found, e, predicted = Fit(values, residual, chi2, tuple(keys)), left, tried

@@ -47,7 +47,7 @@ def intervals_of(problem: Problem, fit: Fit) -> Intervals:
 
 def immaterial(problem: Problem, fit: Fit, found: Intervals, causes: Sequence[Candidate]) -> list[str]:
     """Return the causes none of whose deciding parameters is surely further from neutral than its `scale`, and those
-    with a deciding parameter on a bound, beyond which the truth may lie.
+    with a deciding parameter on a bound that is not its own, beyond which the truth may lie.
 
     A parameter decides that changes the prediction while all others of the effect are neutral: a damping or an onset
     says nothing of an effect's being there. One with an infinite neutral value is judged by χ² alone.
@@ -59,7 +59,7 @@ def immaterial(problem: Problem, fit: Fit, found: Intervals, causes: Sequence[Ca
             p, value = problem.parameters[key], fit.values[key]
             low, high = found.of(key)
             sure = sure or not isfinite(p.neutral) or low > p.neutral + p.scale or high < p.neutral - p.scale
-            bounded = bounded or (value in (p.low, p.high) and value != p.neutral)
+            bounded = bounded or (not p.own_bounds and value in (p.low, p.high) and value != p.neutral)
         if bounded or not sure:
             out.append(name)
     return out
@@ -101,15 +101,14 @@ def _elsewhere_false(other: Problem, search: Search, best: Fit, causes: tuple[Ca
 
 
 def louder(other: Problem, without: Fit, best: Fit) -> bool:
-    """Return whether some channel is above the declared noise `without` a cause, and above what is left with it."""
-    declared = other.channels.noise_std
-    if declared is None:
+    """Return whether some channel is above the known noise `without` a cause, and above what is left with it."""
+    if other.noise is None or not other.noise.whole:
         return False
     rms, with_it = (
         np.sqrt((other.residual(fit.values) ** 2 * other.valid).sum(axis=1) / np.maximum(other.valid.sum(axis=1), 1))
         for fit in (without, best)
     )
-    return bool(np.any(rms > LEVEL * np.maximum(declared, with_it)))
+    return bool(np.any(rms > LEVEL * np.maximum(other.noise.std, with_it)))
 
 
 def _minus_2_log_likelihood(other: Problem, fit: Fit) -> float:

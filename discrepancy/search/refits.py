@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -18,6 +19,8 @@ _OTHER_COLOUR = 0.01
 """Nats of log likelihood per sample by which the noise that a fit leaves must differ to be whitened by anew."""
 _BASE_STEPS, _RECOLOURED_STEPS = 3, 4
 """Steps of a fit that begins where it converged under another whitening."""
+_UNDONE = 0.65
+"""Of what either of two effects changes: where they change less together, one undoes the other."""
 _RECOLOURING_ROUNDS = 1
 """Estimates of the noise beneath the library when it is whitened anew: the fit's own residual is little but noise."""
 
@@ -139,6 +142,34 @@ class Refits:
             if not abs(self._problem.value(fit.values, key) - p.neutral) <= p.scale:
                 return True
         return False
+
+    def cancel(self, fit: Fit, causes: Sequence[Candidate]) -> bool:
+        """Return whether two of the causes undo each other: together they change the prediction by less than two
+        thirds of what either does.
+
+        A delay and an advance that cancel leave a smoother of what both act on, which lowers the misfit of a reference
+        with noise in it though nothing is delayed.
+        """
+        problem = self._problem
+        effects = list(dict.fromkeys(each.effect for each in causes))
+        if len(effects) < 2:
+            return False
+        base = {key: value for key, value in fit.values.items() if key in problem.base}
+        before = problem.predicted(base)
+        spread = np.nanstd(np.where(problem.valid, problem.channels.values.T, np.nan), axis=1)
+        weight = np.where(spread > 0.0, 1.0 / np.maximum(spread, np.finfo(float).tiny), 0.0)[:, None]
+
+        def changed(*names: str) -> float:
+            values = {key: value for key, value in fit.values.items() if key.split(".")[0] in names}
+            change = (problem.predicted({**base, **values}) - before) * weight
+            return float(np.sum(change[problem.valid & np.isfinite(change)] ** 2))
+
+        alone = {name: changed(name) for name in effects}
+        return any(
+            changed(a, b) < _UNDONE**2 * min(alone[a], alone[b])
+            for a, b in combinations(effects, 2)
+            if _UNDONE**2 * alone[a] < alone[b] < alone[a] / _UNDONE**2
+        )
 
     def likelier(self, fit: Fit, than: Fit) -> bool:
         """Return whether a fit pays for its parameters also under the noise that its own residual tells.

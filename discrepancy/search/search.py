@@ -18,10 +18,11 @@ from discrepancy.search.fit import Fit
 from discrepancy.search.refits import Refits, cost, price
 from discrepancy.search.scores import Products, chance_maximum, inflation_of, pairs, threshold
 from discrepancy.search.singles import FINISHED, FIRST_STEPS, NEAR, Single, singles
+from discrepancy.search.smallest import Smallest, smallest
 from messages.arrays import FloatArray
 
-_MOST_CAUSES = 3
-"""Effects in a verdict: each takes a round of refits, and what one recording tells of a fourth is doubtful."""
+_MOST_CAUSES = 8
+"""Effects in a verdict: each takes a round of refits, and one that does not pay ends them long before."""
 _MOST_JOINED = 5
 """Candidates that are refitted beside the causes so far: a refit costs dozens of predictions, a score none."""
 _MOST_FORCED = 10
@@ -39,6 +40,11 @@ _RIVAL_FINISHED, _RIVAL_TOLD = 0.2, 0.5
 """Of what χ² rises by without a cause: a rival that fits worse by less is fitted to the end, then told."""
 _OF_EXCESS = 0.03
 """Of the excess that is left: what a further cause must remove. Less may be the first ones' own inexactness."""
+
+_MANY, _OF_EXPLAINED = 3, 3e-4
+"""Causes, from which on a further one must bring this share of what all explain: their formulas are no better."""
+_OF_GAIN = 0.005
+"""Of the gain in χ², for each parameter more: what it must bring beside its price."""
 
 Proposal = tuple[Fit, tuple[Candidate, ...]]
 """A fit with the candidates that it holds."""
@@ -128,6 +134,12 @@ class Search:
                     out.append((place, candidate, fit))
         return out
 
+    def smallest(self, chance: FloatArray) -> Smallest:
+        """Return from which size effects would have been seen beside the base model, by the draws of `chance`."""
+        refits = self.refits
+        at_base = refits.products(refits.base)
+        return smallest(self._problem, refits.library, at_base, refits.candidates, threshold(chance))
+
     def rated(self, fit: Fit) -> Fit:
         """Return a fit with its χ² under the present whitening."""
         return self.refits.rated(fit)
@@ -146,6 +158,7 @@ class Search:
     ) -> Proposal:
         """Return the first cause with all that join it, as long as each pays."""
         refits = self.refits
+        base = refits.base
         couples = _Couples.of(refits, at_base, alone)
         while len(causes) < _MOST_CAUSES:
             best = refits.recoloured(best)
@@ -162,6 +175,8 @@ class Search:
             if len(causes) == 1:
                 proposals += self._pairs_from_base(couples, best, least)
             material = _OF_EXCESS * max(best.chi2 - refits.white.count, 0.0)
+            if len(causes) >= _MANY:
+                material = max(material, _OF_EXPLAINED * (refits.rated(base).chi2 - best.chi2))
             improved = self._best_of(proposals, best, at_base, max(least, material))
             if improved is None:
                 return best, causes
@@ -194,17 +209,36 @@ class Search:
         proposals = [(fit, causes) for fit, causes in proposals if all(refits.matters(fit, each) for each in causes)]
         ranked = sorted(proposals, key=lambda each: cost(each[0]))[:FINISHED]
         finished = [(refits.finished(fit), causes) for fit, causes in ranked]
-        for fit, causes in sorted(finished, key=lambda each: cost(each[0])):
+        for fit, causes in self._simplest_first(best, finished):
             gain = (best.chi2 - fit.chi2) / inflation_of(at_base, causes, refits.library.base)
-            if gain - (price(fit.keys) - price(best.keys)) > least and refits.likelier(fit, best):
+            pays = gain - (price(fit.keys) - price(best.keys)) > least
+            if pays and refits.likelier(fit, best) and not refits.cancel(fit, causes):
                 return fit, causes
         return None
+
+    def _simplest_first(self, best: Fit, proposals: Sequence[Proposal]) -> list[Proposal]:
+        """Return proposals, the best penalised first, but before it those with fewer parameters that gain nearly as
+        much on `best`: many parameters imitate anything a little better on data that no model fits to the last digit.
+        """
+        ranked = sorted(proposals, key=lambda each: cost(each[0]))
+        if not ranked:
+            return []
+        first = ranked[0][0]
+        gained = best.chi2 - first.chi2
+
+        def nearly(fit: Fit) -> bool:
+            fewer = len(first.keys) - len(fit.keys)
+            return fewer > 0 and best.chi2 - fit.chi2 >= (1.0 - _OF_GAIN * fewer) * gained
+
+        simpler = sorted((each for each in ranked[1:] if nearly(each[0])), key=lambda each: len(each[0].keys))
+        return [*simpler, *(each for each in ranked if each not in simpler)]
 
     def _swapped(self, best: Fit, causes: tuple[Candidate, ...]) -> Proposal:
         """Return the causes, each replaced by a rival that fits better."""
         for place, candidate, fit in self.rivals(best, causes, _SWAPS):
-            if cost(fit) < cost(best):
-                best, causes = fit, tuple(candidate if k == place else each for k, each in enumerate(causes))
+            swapped = tuple(candidate if k == place else each for k, each in enumerate(causes))
+            if cost(fit) < cost(best) and not self.refits.cancel(fit, swapped):
+                best, causes = fit, swapped
         return best, causes
 
     def _pruned(self, best: Fit, causes: tuple[Candidate, ...], least: float) -> Proposal:

@@ -12,8 +12,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from discrepancy.evidence.adequacy import Probe
 from discrepancy.evidence.gain import gain, nrmse
+from discrepancy.evidence.probe import Probe
 from discrepancy.evidence.whitening import whitening
 from discrepancy.problem import Problem
 from lab.baselines.models import BASELINES, Case
@@ -105,7 +105,7 @@ def _as_drawn(result: Result) -> tuple[str, ...]:
 def _floor(case: Case, predicted: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
     """Return the noise floor that the finder would tell of the held-out residual."""
     residual = case.held.difference(predicted)
-    probe = Probe(case.held, whitening(residual, case.held.valid), case.predicted_held, _PROBE_SEED)
+    probe = Probe(case.held, whitening(residual, case.held.valid), case.predicted_held, residual, _PROBE_SEED)
     signal = probe.predictable(residual).signal
     floor = gain(case.held, case.residual_held, residual, signal, True).noise_floor_nrmse
     return np.inf if floor is None else floor

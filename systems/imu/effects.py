@@ -241,7 +241,7 @@ def _clipping(facts: Facts) -> Effect:
         ("acc_mps2", "m/s²", 4000.0, facts.most_mps2, facts.pinned[1]),
     ):
         low = (_PINNED_LOW if pinned else _FREE_LOW) * most
-        limits.append(Parameter(name, unit, np.inf, low, high, _LIMIT_SCALE * most))
+        limits.append(Parameter(name, unit, np.inf, low, high, _LIMIT_SCALE * most, own_bounds=True))
         starts.append({name: (_PINNED_START if pinned else _FREE_START) * most})
     return Effect(
         "clipping",

@@ -121,6 +121,7 @@ def amplitudes(starts: Mapping[str, float], largest: Mapping[str, float]) -> tup
                     _LIMIT_SHARES[1] * most,
                     _LIMIT_SCALE_SHARE * most,
                     inexact=1e-3,
+                    own_bounds=True,
                 )
                 for name, most in ((name, largest[name]) for name in moving)
             ),

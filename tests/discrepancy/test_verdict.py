@@ -44,6 +44,9 @@ def test_fields_are_those_agreed() -> None:
         "parameters_before",
         "parameters_after",
         "next_experiment",
+        "noise_from",
+        "seen_above",
+        "notes",
     ]
     assert list(told["causes"][0]) == ["name", "parameters", "evidence", "equivalents"]
     assert list(told["causes"][0]["parameters"]["value_s"]) == ["value", "low", "high", "unit"]

@@ -2,13 +2,15 @@
 in words, and of the true size.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from discrepancy.evidence.adequacy import LEVEL, Predictable, Probe, adequacy
+from discrepancy.evidence.adequacy import LEVEL, Left, adequacy, grown, left
+from discrepancy.evidence.probe import Predictable, Probe
 from discrepancy.evidence.whitening import whitening
 from discrepancy.explanation import Adequacy
 from discrepancy.problem import Problem
@@ -36,7 +38,14 @@ def judged(
     declared = None if noise_std is None else np.full(len(noise), noise_std)
     problem = Problem(LinearSimulation((signal + noise).T, inputs.T, noise_std=declared))
     white = whitening(noise, problem.valid)
-    return adequacy(problem, white, Probe(problem, white, predicted, seed), problem.residual({}), elsewhere)
+    residual = problem.residual({})
+    here = left(problem, white, Probe(problem, white, predicted, residual, seed), residual)
+    return adequacy(here, with_chance(here, elsewhere))
+
+
+def with_chance(here: Left, chance: float) -> Left:
+    """Return another recording of which only the chance of what the inputs predict is known."""
+    return replace(here, predictable=replace(here.predictable, chance=chance), line=None)
 
 
 @lru_cache
@@ -88,7 +97,7 @@ def test_noise_as_declared_is_louder_once_in_a_thousand_recordings_however_slow(
     levels, refused = np.zeros(draws), 0
     for draw, noise in enumerate(autoregressive(rng, (draws, 1, _N), (_SLOW,))):
         problem = Problem(LinearSimulation(noise.T, noise.T, noise_std=np.array([std])))
-        told = adequacy(problem, whitening(noise, problem.valid), NothingFollows(), noise, 0.0)[0]
+        told = adequacy(left(problem, whitening(noise, problem.valid), NothingFollows(), noise), None)[0]
         levels[draw] = told.level[0]
         refused += any("declared" in reason for reason in told.reasons)
     assert refused <= likely_counts(draws, 0.001)[1], f"seed {_SEED}: {refused} of {draws}"
@@ -184,8 +193,50 @@ def test_whiteness_is_the_largest_autocorrelation_to_lag_64() -> None:
     inputs, predicted, noise = motion(300)
     problem = Problem(LinearSimulation(noise.T, inputs.T))
     white = whitening(noise, problem.valid)
-    told = adequacy(problem, white, Probe(problem, white, predicted, 1), noise, 0.0)[0]
+    told = adequacy(left(problem, white, Probe(problem, white, predicted, noise, 1), noise), None)[0]
     e = white(noise)[0]
     e /= np.sqrt(np.sum(e**2) / white.count)
     expected = max(abs(sum(e[t] * e[t - lag] for t in range(lag, 300))) / 300 for lag in range(1, 65))
     assert told.whiteness[0] == pytest.approx(expected, rel=1e-9)
+
+
+def two(noise: FloatArray, inputs: FloatArray, *, tolerance: float | None = None) -> Left:
+    """Return what is left of a recording of noise (1, n) alone, under inputs (k, n)."""
+    problem = Problem(LinearSimulation(noise.T, inputs.T))
+    if tolerance is not None:
+        problem.channels = replace(problem.channels, tolerance=np.array([tolerance]))
+    return left(problem, whitening(noise, problem.valid), NothingFollows(), noise)
+
+
+def test_a_faint_line_is_remarked_where_both_recordings_hold_it() -> None:
+    inputs, _, noise = motion(4000)
+    hum = 0.5 * np.sin(2.0 * np.pi * 0.23 * np.arange(4000))
+    here, there = two(noise + hum, inputs), two(noise[:, ::-1] + hum, inputs)
+    assert here.line is not None
+    assert here.line.share < 0.25
+    told = adequacy(here, there)[0]
+    assert told.adequate
+    assert "a line at 23.00 Hz" in told.remarks[0]
+    assert adequacy(here, two(noise, inputs))[0].remarks == ()
+
+
+def test_what_a_frozen_model_leaves_far_more_of_elsewhere_is_told_in_words() -> None:
+    inputs, _, noise = motion()
+    assert grown(two(noise, inputs), two(1.4 * noise, inputs)) is None
+    assert "4.0 times" in (grown(two(noise, inputs), two(4.0 * noise, inputs)) or "")
+
+
+def test_what_is_within_the_stated_tolerance_is_good_enough() -> None:
+    inputs, _, noise = motion()
+    hum = 2.0 * np.sin(2.0 * np.pi * 0.23 * np.arange(800))[None]
+    assert not adequacy(two(noise + hum, inputs, tolerance=1.0), None)[0].adequate
+    assert adequacy(two(noise + hum, inputs, tolerance=2.5), None)[0].adequate
+
+
+def test_more_than_the_noise_at_rest_is_a_doubt() -> None:
+    inputs, _, noise = motion(4000)
+    resting = np.where(np.arange(4000) < 3000, 1.0, 0.2)
+    still = inputs * (np.arange(4000) < 3000)
+    told = adequacy(two(noise * resting, still), None)[0]
+    assert told.adequate
+    assert "times the noise at rest" in told.doubts[0]

@@ -57,6 +57,8 @@ def test_a_damping_does_not_decide_and_a_bound_is_no_finding() -> None:
     found = Intervals(keys, np.zeros((3, 3)), bounds)
     assert deciding(problem, fit, "resonance") == ["resonance.hz"]
     assert immaterial(problem, fit, found, candidates) == ["lag"]
+    problem.parameters["lag.tau_s"] = replace(problem.parameters["lag.tau_s"], own_bounds=True)
+    assert immaterial(problem, fit, found, candidates) == []  # the bound is one that the effect took from the recording
     inside = replace(fit, values={**values, "lag.tau_s": 0.04})
     assert immaterial(problem, inside, Intervals(keys, np.zeros((3, 3)), bounds - 0.01), candidates) == []
 
