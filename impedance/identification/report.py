@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from impedance.identification import checks
 from impedance.identification.identification import Identification
 from impedance.identification.observability import NAMES
 from messages.arrays import FloatArray
@@ -31,7 +32,7 @@ def parameter_rows(found: Identification) -> list[list[str]]:
     for k, name in enumerate(NAMES):
         low, high = found.interval[k] * SHOWN_SCALE[k]
         value = found.estimate[k] * SHOWN_SCALE[k]
-        digits = _digits(0.5 * (high - low))
+        digits = checks.digits_of(0.5 * (high - low))
         if found.observability.identifiable[k]:
             rows.append([name, f"{value:.{digits}f}", f"{low:.{digits}f} … {high:.{digits}f}", SHOWN_UNITS[k]])
         else:
@@ -39,14 +40,18 @@ def parameter_rows(found: Identification) -> list[list[str]]:
     return rows
 
 
+def check_rows(found: Identification) -> list[list[str]]:
+    """Return what the misfit and the markers say of the instruments, as text."""
+    return checks.rows(found.checked, found.test, found.stated.joint_m)
+
+
 def remarks(found: Identification) -> list[str]:
     """Return what a person must know beside the table, one line each."""
     test, observable = found.test, found.observability
     lines = [
         f"{'with' if found.constrained else 'without'} the joint's constraint; the markers "
-        f"{'agree with' if test.holds else 'refute'} the joint ({test.sigmas:+.1f} standard deviations) and see it "
-        f"{1e3 * test.height_m:.2f} ± {1e3 * NORMAL_95 * test.height_deviation_m:.2f} mm below the surface",
-        f"what is left is {found.fit.chi2_ratio:.3f} times the noise's power, over {found.spectra.counted_s:.1f} s",
+        f"{'agree with' if test.holds else 'refute'} the joint ({test.sigmas:+.1f} standard deviations)",
+        f"what is left is {found.chi2_left:.3f} times the noise's power, over {found.spectra.counted_s:.1f} s",
         f"singular values, greatest to least: {' '.join(f'{value:.3g}' for value in _relative(found))}",
         f"least known direction: {observable.null_words}",
     ]
@@ -71,6 +76,7 @@ def facts(found: Identification) -> dict[str, object]:
                 "estimate": float(found.estimate[k]) if found.observability.identifiable[k] else math.nan,
                 "interval_95": found.interval[k].tolist(),
                 "deviation": float(found.observability.deviation[k]),
+                "deviation_of_noise": float(found.noise_deviation[k]),
                 "identifiable": bool(found.observability.identifiable[k]),
             }
             for k, name in enumerate(NAMES)
@@ -79,9 +85,9 @@ def facts(found: Identification) -> dict[str, object]:
         "null_direction": dict(zip(NAMES, null.tolist(), strict=True)),
         "boundary": None if found.boundary is None else found.boundary.words,
         "pull_chi2": found.pull_chi2,
-        "chi2_ratio": found.fit.chi2_ratio,
+        "chi2_ratio": found.chi2_left,
         "joint_sigmas": found.test.sigmas,
-        "joint_height_m": found.test.height_m,
+        "checks": checks.facts(found.checked, found.test),
         "notes": list(found.notes),
     }
 
@@ -105,6 +111,8 @@ def write_report(found: Identification, folder: Path) -> None:
 def _page(found: Identification) -> str:
     lines = [f"# Inertia of the {found.what}", "", "| " + " | ".join(HEADING) + " |", "|---|---:|---:|---|"]
     lines += ["| " + " | ".join(row) + " |" for row in parameter_rows(found)]
+    lines += ["", "## Instruments", "", "| " + " | ".join(checks.HEADING) + " |", "|---|---:|---:|---:|---|---|"]
+    lines += ["| " + " | ".join(row) + " |" for row in check_rows(found)]
     lines += ["", *(f"- {remark}" for remark in remarks(found)), ""]
     lines += [f"![Intervals]({INTERVALS})", "", f"![Misfit over frequency]({MISFIT})", ""]
     return "\n".join(lines)
@@ -136,10 +144,3 @@ def _draw_misfit(figure: "Figure", found: Identification) -> None:
 def _relative(found: Identification) -> FloatArray:
     values: FloatArray = found.observability.singular_values / found.observability.singular_values[0]
     return values
-
-
-def _digits(half: float) -> int:
-    """Return the decimals that show two digits of an interval's half."""
-    if not math.isfinite(half) or half <= 0.0:
-        return 3
-    return int(np.clip(1 - math.floor(math.log10(half)), 0, 6))

@@ -10,7 +10,6 @@ import numpy as np
 from messages import Quaternion, Reason, Residual, Status, Vec3
 from messages.arrays import FloatArray
 from perception import so3, vec3
-from perception.attitude import beginning
 from perception.attitude.accelerometer import follow_temperature
 from perception.attitude.agreement import Innovation
 from perception.attitude.camera_step import CameraStep, begin_step, measure_step
@@ -65,7 +64,7 @@ class AttitudeFilter:
 
         Of the motion nothing is left: what the accelerometer measured meanwhile is not used.
         """
-        self._state = beginning.carried_by_gyro(self._kalman, self._state, since)
+        self._state = self._kalman.carried_by_gyro(self._state, since)
 
     def doubt_gyro(self) -> bool:
         """Let the next steps of the camera tell what has become of gyroscope and tilt since it was lost, or of a usual
@@ -75,7 +74,7 @@ class AttitudeFilter:
             return False
         state.levelling = None
         self._kalman.correct(state)
-        beginning.doubt_gyro(self._kalman, state)
+        self._kalman.doubt_gyro(state)
         return True
 
     def begin_camera_step(self) -> None:
@@ -259,7 +258,7 @@ class AttitudeFilter:
         elif dt_s > 0.0:
             self._kalman.integrate(state, sample, dt_s)
         if not rested and self._rest_is_better(state):
-            beginning.start_at_rest(self._kalman, state)
+            self._kalman.start_at_rest(state)
             state.levelling = None
         elif state.levelling is not None:
             self._level(state, state.levelling, sample, dt_s)
@@ -285,8 +284,8 @@ class AttitudeFilter:
         settings, before = self.settings, self._state
         if before.t_ns is not None:
             before.reason_uncertain = Reason.NO_IMU
-        before = beginning.after_gap(self._kalman, before, gap_s)
-        state = self._state = beginning.after_gap(self._kalman, before, 0.0)
+        before = self._kalman.after_gap(before, gap_s)
+        state = self._state = self._kalman.after_gap(before, 0.0)
         state.levelling = Levelling(before)
         state.sf_measured, state.w_measured = sample.sf_B, sample.w_B
         tilt_rad = state.usual_mounting.tilt_rad(settings.usual_mounting, gap_s)
@@ -294,7 +293,7 @@ class AttitudeFilter:
             mean_up_B = state.usual_mounting.mean_up_B
             state.levelling.assumed_up_S = vec3.scaled(mean_up_B, 1.0 / math.hypot(*mean_up_B))
             state.levelling.assumed_var = tilt_rad**2
-            beginning.start_in_motion(self._kalman, state, state.usual_mounting.mean_up_B, tilt_rad)
+            self._kalman.start_in_motion(state, state.usual_mounting.mean_up_B, tilt_rad)
         return state
 
     def _level(self, state: AttitudeState, levelling: Levelling, sample: Sample, dt_s: float) -> None:
@@ -332,10 +331,10 @@ class AttitudeFilter:
     def _start_over(self, state: AttitudeState, levelling: Levelling) -> None:
         """Start in motion at the first sample, level by the mean specific force, and go through all since again."""
         first = levelling.since[0]
-        again = self._state = beginning.after_gap(self._kalman, levelling.before, 0.0)
+        again = self._state = self._kalman.after_gap(levelling.before, 0.0)
         again.sf_measured, again.w_measured, again.usual_step_s = first.sf_B, first.w_B, state.usual_step_s
         up_S = vec3.minus(vec3.scaled(levelling.sum_sf_S, 1.0 / levelling.elapsed_s), again.sf_bias)
-        beginning.start_in_motion(self._kalman, again, up_S, self.settings.moving_start_tilt_rad)
+        self._kalman.start_in_motion(again, up_S, self.settings.moving_start_tilt_rad)
         for before, sample in pairwise(levelling.since):
             self._kalman.integrate(again, sample, 1e-9 * (sample.t_ns - before.t_ns))
         again.t_ns, again.rest = state.t_ns, state.rest

@@ -26,13 +26,15 @@ Barrau, Bonnabel, IEEE TAC 62(4), 2017.
 
 import math
 import operator
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from messages import Residual, Vec3
+from messages import Reason, Residual, Vec3
 from messages.arrays import FloatArray
 from perception import so3, vec3
-from perception.attitude.accelerometer import CROSS_UP, weigh_gravity
+from perception.attitude.accelerometer import CROSS_UP, tilt_of_bias, weigh_gravity
 from perception.attitude.error_state import (
     BEGINNING,
     DRIFT,
@@ -55,9 +57,9 @@ from perception.attitude.state import AttitudeSettings, AttitudeState, GroundMot
 
 _I, _I3 = np.eye(SIZE), np.eye(3)
 _DIAGONAL = np.diag_indices(SIZE)
-RATE_IS_ZERO = _I[GYRO_BIAS]
+_RATE_IS_ZERO = _I[GYRO_BIAS]
 _SWING_IS_ZERO = _I[VELOCITY] - _I[DRIFT]
-_RATE_AND_SWING_ARE_ZERO = np.vstack((RATE_IS_ZERO, _SWING_IS_ZERO))
+_RATE_AND_SWING_ARE_ZERO = np.vstack((_RATE_IS_ZERO, _SWING_IS_ZERO))
 """What (4) measures of the error state, each (rows, SIZE)."""
 
 _FAR_SIGMAS = 3.0
@@ -85,14 +87,14 @@ class AttitudeKalman:
         self.mount_rad = math.hypot(settings.camera.mount_rad, residual.camera_to_imu_rad)
         self._initial_var[MOUNT] = self.mount_rad**2
         self._initial_var[LAG] = settings.camera.lag_s**2 + residual.time_s**2
-        self.walk_density = np.zeros(SIZE)
-        self.walk_density[ROTATION] = settings.gyro_noise_radps_rthz**2
-        self.walk_density[GYRO_BIAS] = settings.gyro_bias_walk_radps_rts**2
-        self.walk_density[VELOCITY] = settings.sf_noise_mps2_rthz**2
-        self.walk_density[SF_BIAS] = settings.sf_bias_walk_mps2_rts**2
-        self.walk_density[MOUNT] = settings.camera.mount_walk_rad_rts**2
+        self._walk_density = np.zeros(SIZE)
+        self._walk_density[ROTATION] = settings.gyro_noise_radps_rthz**2
+        self._walk_density[GYRO_BIAS] = settings.gyro_bias_walk_radps_rts**2
+        self._walk_density[VELOCITY] = settings.sf_noise_mps2_rthz**2
+        self._walk_density[SF_BIAS] = settings.sf_bias_walk_mps2_rts**2
+        self._walk_density[MOUNT] = settings.camera.mount_walk_rad_rts**2
         self._least_tilt_var = (residual.specific_force_mps2 / settings.gravity_mps2) ** 2
-        self.rotation_per_square_rate = residual.scale**2 * settings.gyro_scale_time_s
+        self._rotation_per_square_rate = residual.scale**2 * settings.gyro_scale_time_s
         self._velocity_per_square_acceleration = residual.scale**2 * settings.sf_scale_time_s
         self._sway_swing_density = settings.sway_swing_mps_rts**2
 
@@ -111,6 +113,51 @@ class AttitudeKalman:
         variances: list[float] = np.diag(state.covariance).tolist()
         gyro_var, sf_var = _vec3(variances, GYRO_BIAS), _vec3(variances, SF_BIAS)
         return SensorErrors(state.gyro_bias, gyro_var, state.sf_bias, sf_var, state.scale, variances[SCALE.start])
+
+    def after_gap(self, state: AttitudeState, gap_s: float) -> AttitudeState:
+        """Return the state before the first sample after `gap_s` without: of the motion nothing is left, of the
+        sensors' errors and the usual mounting all."""
+        settings = self.settings
+        return AttitudeState(
+            state.covariance + np.diag(self._walk_density * gap_s),
+            usual_step_s=state.usual_step_s,
+            first_degC=state.first_degC,
+            most_warming_K=state.most_warming_K,
+            granted_mps2=state.granted_mps2,
+            gyro_bias=state.gyro_bias,
+            sf_bias=state.sf_bias,
+            gyro_matrix=state.gyro_matrix,
+            without_camera_s=max(state.without_camera_s + gap_s, settings.camera.fresh_s),
+            scale=state.scale,
+            mount_B=state.mount_B,
+            lag_s=state.lag_s,
+            reason_uncertain=state.reason_uncertain,
+            usual_mounting=replace(state.usual_mounting),
+        )
+
+    def carried_by_gyro(self, state: AttitudeState, since: Sequence[Sample]) -> AttitudeState:
+        """Return the state after the samples `since` a started one, by the gyroscope alone: (1), and no motion known.
+
+        The tilt's variance grows by that of the bias, the matrix and the noise over all that was turned.
+        """
+        settings, q_WB, w_before, t_ns = self.settings, state.q_WB, state.w_measured, state.t_ns
+        elapsed_s, path_rad2, net_rad = 0.0, 0.0, vec3.ZERO
+        for sample in since:
+            dt_s = 0.0 if t_ns is None else 1e-9 * (sample.t_ns - t_ns)
+            turned = vec3.scaled(self.rate(state, vec3.between(w_before, sample.w_B, 0.5)), dt_s)
+            q_WB = so3.multiply(q_WB, so3.quaternion_from_rotvec(turned))
+            elapsed_s, net_rad = elapsed_s + dt_s, vec3.plus_scaled(net_rad, turned, 1.0)
+            path_rad2 += self._rotation_per_square_rate * vec3.square(sample.w_B) * dt_s
+            t_ns, w_before = sample.t_ns, sample.w_B
+        P = state.covariance
+        bias_var = float(np.diag(P[GYRO_BIAS, GYRO_BIAS]).max()) * elapsed_s**2
+        matrix_var = float(np.diag(P[GYRO_MATRIX, GYRO_MATRIX]).max()) * vec3.square(net_rad)
+        noise_var = settings.gyro_noise_radps_rthz**2 * elapsed_s
+        tilt_var = max(P[0, 0], P[1, 1]) + bias_var + matrix_var + path_rad2 + noise_var
+        after = self.after_gap(state, elapsed_s)
+        after.t_ns, after.w_measured, after.sf_measured = t_ns, w_before, since[-1].sf_B
+        self.start_in_motion(after, so3.rows_from_quaternion(q_WB)[6:9], math.sqrt(tilt_var))
+        return after
 
     def rate(self, state: AttitudeState, w_measured: Vec3) -> Vec3:
         """Return w of (1) in rad/s."""
@@ -153,6 +200,63 @@ class AttitudeKalman:
         """Return whether there were steps of the camera, but not now."""
         return self.settings.camera.fresh_s <= state.without_camera_s < math.inf
 
+    def start_at_rest(self, state: AttitudeState) -> None:
+        """Level by the mean specific force of the rest, and take its mean rate for the bias."""
+        settings = self.settings
+        up_B = vec3.minus(state.rest.mean_sf_B, state.sf_bias)
+        self._start(state, up_B, settings.rest_tilt_rad, settings.sway_mps)
+        rate = np.array(self.rate(state, state.rest.mean_w_B))
+        fuse(state, _RATE_IS_ZERO, rate, self._rate_density(state) / settings.rest.time_s * np.eye(3))
+
+    def start_in_motion(self, state: AttitudeState, up_B: Vec3, tilt_rad: float) -> None:
+        """Start with the vertical along `up_B`, of any length, known to `tilt_rad` on each axis, at an unknown pace."""
+        self._start(state, up_B, tilt_rad, self.settings.moving_start_speed_mps)
+        self._walk_at_some_pace(state)
+
+    def doubt_gyro(self, state: AttitudeState) -> None:
+        """Let steps of the camera tell what bias, tilt and pace have become since it was lost."""
+        P, settings = state.covariance, self.settings
+        tilt_var = min(self.unwatched_tilt_var(state), settings.moving_start_tilt_rad**2)
+        if state.ground.moves:
+            P[SCALE, SCALE] = state.ground.frozen_scale_var
+        self._forget_motion(state, settings.moving_start_speed_mps)
+        self._walk_at_some_pace(state)
+        P[ROTATION, ROTATION] += np.diag((1.0, 1.0, 0.0)) * tilt_var
+        P[GYRO_BIAS, GYRO_BIAS] += np.eye(3) * settings.gyro_bias_radps**2
+        state.reason_uncertain = Reason.UNCONFIRMED
+
+    def _walk_at_some_pace(self, state: AttitudeState) -> None:
+        settings, P = self.settings, state.covariance
+        state.pace_unknown_s = settings.pace_unknown_s
+        state.mean_square_swing = settings.moving_start_swing_mps**2
+        P[DRIFT, VELOCITY] = P[VELOCITY, DRIFT] = P[DRIFT, DRIFT]
+        P[VELOCITY, VELOCITY] += np.eye(3) * settings.moving_start_swing_mps**2
+
+    def _start(self, state: AttitudeState, up_B: Vec3, tilt_rad: float, speed_mps: float) -> None:
+        """Stand `up_B` upright: where the accelerometer's bias leans, so does the vertical."""
+        state.started = True
+        state.q_WB = so3.quaternion_from_up(up_B)
+        self._forget_motion(state, speed_mps)
+        state.sf_W = _specific_force_W(state)
+        P = state.covariance
+        P[ROTATION, :] = P[:, ROTATION] = 0.0
+        leaning = tilt_of_bias(state, self.settings)
+        P[ROTATION, :] = leaning @ P[SF_BIAS, :]
+        P[:, ROTATION] = P[ROTATION, :].T
+        P[ROTATION, ROTATION] = leaning @ P[SF_BIAS, SF_BIAS] @ leaning.T + np.diag((1, 1, 0)) * tilt_rad**2
+
+    def _forget_motion(self, state: AttitudeState, speed_mps: float) -> None:
+        """Let the velocity be 0, known to `speed_mps`, over a ground at rest, and no step of the camera have begun."""
+        state.v_W = state.drift_W = state.smooth_swing_W = vec3.ZERO
+        state.pace_unknown_s = state.unwatched_s = 0.0
+        state.step = Step()
+        state.travel_W, state.q_WB_beginning = vec3.ZERO, None
+        state.ground = GroundMotion()
+        P = state.covariance
+        for motion in (VELOCITY, DRIFT, TRAVEL, BEGINNING, GROUND, GROUND_TURN):
+            P[motion, :] = P[:, motion] = 0.0
+        P[VELOCITY, VELOCITY] = P[DRIFT, DRIFT] = np.eye(3) * speed_mps**2
+
     def integrate(self, state: AttitudeState, sample: Sample, dt_s: float) -> None:
         """(1) and (2) by the trapezoidal rule."""
         step = state.step
@@ -173,7 +277,7 @@ class AttitudeKalman:
         step.rates.append(w_mid)
         step.dts_s.append(dt_s)
         step.yaw_rad += rows[6] * turned[0] + rows[7] * turned[1] + rows[8] * turned[2]
-        step.rotation_var += self.rotation_per_square_rate * vec3.square(w_mid) * dt_s
+        step.rotation_var += self._rotation_per_square_rate * vec3.square(w_mid) * dt_s
         step.velocity_var += self._velocity_per_square_acceleration * vec3.square(acceleration_W) * dt_s
         self._add_unseen_variance(state, dt_s, sample.clipped)
         if step.elapsed_s >= self.settings.correction_s:
@@ -235,7 +339,7 @@ class AttitudeKalman:
         F[DRIFT, DRIFT] = ((c_yaw, -s_yaw, 0.0), (s_yaw, c_yaw, 0.0), (0.0, 0.0, kept))
         x, y, z = state.drift_W
         state.drift_W = (c_yaw * x - s_yaw * y, s_yaw * x + c_yaw * y, kept * z)
-        noise = self.walk_density * step.elapsed_s
+        noise = self._walk_density * step.elapsed_s
         noise[ROTATION] += step.rotation_var + (settings.runaway_rad_rts**2 * step.elapsed_s if runs_away else 0.0)
         noise[VELOCITY] += step.velocity_var
         noise[DRIFT] += (1.0 - kept**2) * drift_mps**2
@@ -281,13 +385,13 @@ class AttitudeKalman:
                 state.rest, state.resting = Rest(), False  # a walk begins, before the rest detector knows
         if state.resting:
             innovation = np.array((*self.rate(state, state.rest.mean_w_B), *vec3.scaled(swing_W, -1.0)))
-            density = np.repeat((self.rate_density(state), self._sway_swing_density), 3)
+            density = np.repeat((self._rate_density(state), self._sway_swing_density), 3)
             fuse(state, _RATE_AND_SWING_ARE_ZERO, innovation, np.diag(density / dt_s))
         else:
             noise = self._swing_density(state, swing_W, dt_s) / dt_s * np.eye(3)
             fuse(state, _SWING_IS_ZERO, -np.array(swing_W), noise)
 
-    def rate_density(self, state: AttitudeState) -> float:
+    def _rate_density(self, state: AttitudeState) -> float:
         """Return n_r's variance density, rad²/s: of one who stands, or what the rate's scatter tells."""
         settings = self.settings
         return max(settings.sway_rate_radps_rts**2, settings.sway_rate_time_s * state.rest.rate_var)
@@ -334,11 +438,10 @@ def fuse(state: AttitudeState, H: FloatArray, innovation: FloatArray, noise: Flo
     state.ground.acceleration_W = vec3.plus_scaled(state.ground.acceleration_W, _vec3(error, GROUND), 1.0)
     state.ground.turn_radps += error[GROUND_TURN.start]
     state.lag_s += error[LAG.start]
-    state.sf_W = specific_force_W(state)
+    state.sf_W = _specific_force_W(state)
 
 
-def specific_force_W(state: AttitudeState) -> Vec3:
-    """Return the newest sample's specific force in W, m/s², less the accelerometer's bias."""
+def _specific_force_W(state: AttitudeState) -> Vec3:
     rows = so3.rows_from_quaternion(state.q_WB)
     return so3.transform(rows, vec3.minus(state.sf_measured, state.sf_bias))
 

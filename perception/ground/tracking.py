@@ -39,7 +39,6 @@ class TrackingSettings:
 class _Track:
     """(∂z/∂x, ∂z/∂y in W; height of the camera above the plane's intercept) at one time, with its covariance (3, 3).
 
-    `seen_ns` is the exposure of the newest picture that shows it, before `t_ns` where the motion has carried it on.
     `attitude_cov_W` (2, 2) is what the attitude's covariance meant for the gradient then. The plane of `rough` ground
     is another one a step ahead: it is checked against the track and not averaged.
     """
@@ -48,7 +47,6 @@ class _Track:
     state: FloatArray
     cov: FloatArray
     attitude_cov_W: FloatArray
-    seen_ns: int
     rough: bool = False
 
 
@@ -64,7 +62,7 @@ class PlaneTracker:
         """Go on from another `plane` in H, of which (a, b, h) has the covariance `cov` (3, 3): known from elsewhere, so
         that the next frame needs no other one to confirm it."""
         turn = _turn(R_WH)
-        self._track, self._candidate = _Track(t_ns, turn @ plane.abh, turn @ cov @ turn.T, attitude_cov_W, t_ns), None
+        self._track, self._candidate = _Track(t_ns, turn @ plane.abh, turn @ cov @ turn.T, attitude_cov_W), None
 
     def carried(
         self, t_ns: int, R_WH: FloatArray, v_W_mps: FloatArray, attitude_cov_W: FloatArray
@@ -72,16 +70,16 @@ class PlaneTracker:
         """Return the plane in H that is not seen any more, and its covariance (a, b, h), without the attitude's.
 
         The camera, which moves by `v_W_mps` (3,), has come away from it by v · (−a, −b, 1) a second since the track was
-        last brought up to a frame. None without a track that was seen within `longest_gap_s`.
+        last brought up to a frame. None without a track younger than `longest_gap_s`.
         """
         track = self._track
-        if track is None or self._is_too_old(track, t_ns):
+        if track is None or t_ns - track.t_ns > 1e9 * self._settings.longest_gap_s:
             return None
         since_s = 1e-9 * (t_ns - track.t_ns)
         a, b, h = track.state
         state = np.array([a, b, h + since_s * float(v_W_mps @ np.array([-a, -b, 1.0]))])
         grown = np.diag([0.0, 0.0, (_CARRIED_MPS * since_s) ** 2])
-        self._track = _Track(t_ns, state, track.cov + grown, attitude_cov_W, track.seen_ns)
+        self._track = _Track(t_ns, state, track.cov + grown, attitude_cov_W)
         turn = _turn(R_WH)
         return _plane(turn.T @ state), turn.T @ self._track.cov @ turn
 
@@ -90,13 +88,10 @@ class PlaneTracker:
         self._track = self._candidate = None
 
     def predicted(self, t_ns: int, R_WH: FloatArray) -> Plane | None:
-        """Return the plane in H as expected at `t_ns`, or None without a track that was seen within `longest_gap_s`."""
-        if self._track is None or self._is_too_old(self._track, t_ns):
+        """Return the plane in H as expected at `t_ns`, or None without a track younger than `longest_gap_s`."""
+        if self._track is None or t_ns - self._track.t_ns > 1e9 * self._settings.longest_gap_s:
             return None
         return _plane(_turn(R_WH).T @ self._track.state)
-
-    def _is_too_old(self, track: _Track, t_ns: int) -> bool:
-        return t_ns - track.seen_ns > 1e9 * self._settings.longest_gap_s
 
     def updated(
         self,
@@ -118,7 +113,7 @@ class PlaneTracker:
         turn = _turn(R_WH)
         jitter = self._settings.attitude_jitter_rad**2
         seen_cov = turn @ fit.covariance @ turn.T + np.diag([jitter, jitter, 0.0])
-        seen = _Track(t_ns, turn @ fit.plane.abh, seen_cov, attitude_cov_W, t_ns, rough=fit.rough_m > 0.0)
+        seen = _Track(t_ns, turn @ fit.plane.abh, seen_cov, attitude_cov_W, rough=fit.rough_m > 0.0)
         track = self._joined(self._track, seen, self._settings.longest_gap_s)
         if track is None:
             candidate = self._joined(self._candidate, seen, self._settings.confirmed_within_s)
@@ -133,7 +128,7 @@ class PlaneTracker:
 
     def _joined(self, before: _Track | None, seen: _Track, within_s: float) -> _Track | None:
         """Return `before` with what is seen, or None where they contradict each other or are farther apart."""
-        if before is None or seen.t_ns - before.seen_ns > 1e9 * within_s:
+        if before is None or seen.t_ns - before.t_ns > 1e9 * within_s:
             return None
         prior = self._grown(before, seen)
         innovation, innovation_cov = seen.state - before.state, prior + seen.cov
@@ -142,8 +137,7 @@ class PlaneTracker:
         if seen.rough:
             return seen
         gain = np.linalg.solve(innovation_cov, prior).T
-        state, cov = before.state + gain @ innovation, (np.eye(3) - gain) @ prior
-        return _Track(seen.t_ns, state, cov, seen.attitude_cov_W, seen.seen_ns)
+        return _Track(seen.t_ns, before.state + gain @ innovation, (np.eye(3) - gain) @ prior, seen.attitude_cov_W)
 
     def _grown(self, before: _Track, seen: _Track) -> FloatArray:
         dt_s = max(0.0, (seen.t_ns - before.t_ns) * 1e-9)

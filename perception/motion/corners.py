@@ -138,6 +138,8 @@ _UNDISTORTED = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-4)
 _NEIGHBOURHOOD_PX = (21, 21)
 """Of the local mean: twice the window that is followed."""
 REACH_PX = 16
+"""So far about a corner is what has a part in where it is found: half a window, and half that neighbourhood."""
+REACH_PX = 16
 """As far from a corner what is seen has a part in where it is found: half a window, and half the neighbourhood."""
 _MIDDLE = 128.0
 _USUAL_CONTRAST = 10.0

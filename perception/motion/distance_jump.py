@@ -13,24 +13,33 @@ summed up until they cancel out.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from messages.arrays import Float32Array, FloatArray
 
 
+class Corners(NamedTuple):
+    """Corners (N, 2) of a left picture, pixels, and the disparity (N,) of each, pixels."""
+
+    places_px: Float32Array
+    disparity_px: FloatArray
+
+
 @dataclass(frozen=True, kw_only=True)
 class JumpSettings:
     """What counts as a jump, in pixels of the picture whose corners are followed.
 
-    Corners off (1) by more than `usual_px` count the less, and `least_share` of them are off by less than
-    `agreeing_px`. The jump is at least `least_px` somewhere between them.
+    Corners that lie `together_px` apart are one; off (1) by more than `usual_px` they count the less, and of
+    `least_share` of them that is below `agreeing_px`. The jump is at least `least_px` somewhere between them.
     """
 
     least_px: float = 0.4
     agreeing_px: float = 0.3
     least_share: float = 0.8
     least_corners: int = 12
+    together_px: float = 1.0
     usual_px: float = 0.1
     rounds: int = 4
 
@@ -47,12 +56,16 @@ class DistanceJumps:
         self.contradict = False
         self.newest_px = math.nan
 
-    def add(self, corners_px: Float32Array, off_px: FloatArray) -> None:
-        """Take corners (N, 2) of one left picture and d − d' (N,) of each, pixels."""
+    def add(self, expected: Corners, seen: Corners) -> None:
+        """Take the corners of one picture as they should be after the last step, and as its pair shows them."""
         settings, self.newest_px = self._settings, math.nan
-        if len(off_px) < settings.least_corners:
+        apart_px = np.abs(expected.places_px[:, None] - seen.places_px[None]).max(axis=2)
+        nearest = apart_px.argmin(axis=1)
+        one = np.take_along_axis(apart_px, nearest[:, None], axis=1)[:, 0] < settings.together_px
+        if np.count_nonzero(one) < settings.least_corners:
             return
-        places_px = corners_px.astype(np.float64)
+        places_px = seen.places_px[nearest[one]].astype(np.float64)
+        off_px = seen.disparity_px[nearest[one]] - expected.disparity_px[one]
         jump = self._fitted(places_px, off_px)
         left_px = np.abs(off_px - jump[0] - places_px @ jump[1:])
         agreed = np.count_nonzero(left_px < settings.agreeing_px) > settings.least_share * len(off_px)

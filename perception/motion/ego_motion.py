@@ -11,15 +11,14 @@ Consecutive steps share a picture and the distances found in it, so their errors
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from messages import StereoCalibration
-from messages.arrays import Float32Array, FloatArray, GreyImage
+from messages.arrays import FloatArray, GreyImage
 from perception import so3
 from perception.motion.corners import tracked
-from perception.motion.distance_jump import DistanceJumps
+from perception.motion.distance_jump import Corners, DistanceJumps
 from perception.motion.inner_motion import InnerMotion, steady_motion
 from perception.motion.rigid_step import PointsInStep, RigidStepSettings, solve
 from perception.motion.stereo_points import NO_SKEW, StereoPoints, View
@@ -39,14 +38,6 @@ class EgoMotion:
     v_C_mps: FloatArray
     covariance: FloatArray
     tracks: int
-
-
-class _Pair(NamedTuple):
-    """The reduced pictures of one frame."""
-
-    t_exposure_ns: int
-    left: GreyImage
-    right: GreyImage
 
 
 class VisualOdometer:
@@ -70,10 +61,10 @@ class VisualOdometer:
         self._common = np.diag(np.repeat((self.common_radps**2, self.common_mps**2), 3))
         self._last_rates: FloatArray = np.zeros(6)
         self._view: View | None = None
-        self._unprepared: _Pair | None = None
+        self._unprepared: tuple[int, GreyImage, GreyImage] | None = None
         self.skew = NO_SKEW
         self.jumps = DistanceJumps()
-        self._expected: tuple[Float32Array, FloatArray] | None = None  # corners of the newest pair, and their depths
+        self._expected: Corners | None = None
 
     @property
     def last_v_C_mps(self) -> FloatArray:
@@ -84,7 +75,7 @@ class VisualOdometer:
     def t_before_ns(self) -> int | None:
         """Return the mid-exposure at which the next step will begin; None before the first frame."""
         if self._unprepared is not None:
-            return self._unprepared.t_exposure_ns
+            return self._unprepared[0]
         return None if self._view is None else self._view.t_exposure_ns
 
     def add_frame(
@@ -97,38 +88,33 @@ class VisualOdometer:
         """
         self.prepare_next()
         before = self._view
-        self._unprepared = _Pair(t_exposure_ns, self._stereo.detail(left), self._stereo.detail(right))
+        small_left, small_right = self._stereo.detail(left), self._stereo.detail(right)
+        self._unprepared = (t_exposure_ns, small_left, small_right)
         if before is None or not 0.0 < 1e-9 * (t_exposure_ns - before.t_exposure_ns) < self.longest_step_s:
             return None
-        motion = self._motion(before, self._unprepared, inner)
-        self._judge_distances(self._unprepared)
-        return motion
+        return self._motion(before, t_exposure_ns, small_left, inner)
 
     def prepare_next(self) -> None:
         """Find what to follow into the next frame: two thirds of the work, best done when no estimate waits for it."""
         if self._unprepared is not None:
             self._view, self.skew = self._stereo.view(*self._unprepared)
             self._unprepared = None
+            if self._expected is not None and len(self._view.points_C):
+                disparity_px = self._stereo.disparity_px(self._view.points_C[:, 2])
+                self.jumps.add(self._expected, Corners(self._view.corners_px, disparity_px))
+            self._expected = None
 
-    def _motion(self, before: View, pair: _Pair, inner: InnerMotion | None) -> EgoMotion | None:
+    def _motion(self, before: View, t_exposure_ns: int, left: GreyImage, inner: InnerMotion | None) -> EgoMotion | None:
         """Return the motion as the IMU has it, or else, where that is refuted, as it was in the step before."""
         if len(before.points_C) < self.least_tracks:
             return None
-        motion = None if inner is None else self._motion_within(before, pair, inner)
+        motion = None if inner is None else self._motion_within(before, t_exposure_ns, left, inner)
         if motion is None:
-            motion = self._motion_within(before, pair, steady_motion(self._last_rates))
+            motion = self._motion_within(before, t_exposure_ns, left, steady_motion(self._last_rates))
             if motion is not None and inner is not None and motion.tracks < self._settings.least_surprising:
                 motion = None
         self._last_rates = np.zeros(6) if motion is None else np.concatenate((motion.w_C_radps, motion.v_C_mps))
         return motion
-
-    def _judge_distances(self, pair: _Pair) -> None:
-        """Compare what `pair` shows with where its corners should be after the step."""
-        if self._expected is not None:
-            corners_px, depth_m = self._expected
-            off_px, good = self._stereo.off_px(pair.left, pair.right, corners_px, depth_m)
-            self.jumps.add(corners_px[good], off_px[good])
-        self._expected = None
 
     def _guess_noise_px(self, inner: InnerMotion, step_s: float) -> float:
         """Return about how far from where they are foretold corners may be."""
@@ -138,12 +124,12 @@ class VisualOdometer:
         rate_radps, velocity_mps = math.sqrt(max(variances[:3])), math.sqrt(max(variances[3:]))
         return self._settings.f_px * step_s * (rate_radps + velocity_mps / _USUAL_DEPTH_M)
 
-    def _motion_within(self, before: View, pair: _Pair, inner: InnerMotion) -> EgoMotion | None:
-        step_s = 1e-9 * (pair.t_exposure_ns - before.t_exposure_ns)
+    def _motion_within(self, before: View, t_exposure_ns: int, left: GreyImage, inner: InnerMotion) -> EgoMotion | None:
+        step_s = 1e-9 * (t_exposure_ns - before.t_exposure_ns)
         R, p_m = inner.at(np.array([step_s]))
         guess_px = self._stereo.left.pixels((before.points_C - p_m) @ R[0])
         levels = 0 if self._guess_noise_px(inner, step_s) < _NEAR_PX else 2
-        seen_px, good = tracked(before.left, pair.left, before.corners_px, guess_px, levels)
+        seen_px, good = tracked(before.left, left, before.corners_px, guess_px, levels)
         if np.count_nonzero(good) < self.least_tracks:
             return None
         seen_px, points_C = seen_px[good], before.points_C[good]
@@ -153,13 +139,14 @@ class VisualOdometer:
         step = solve(points, self._stereo.left.rays_C(seen_px)[:, :2], inner.foretold, self._settings)
         if step is None:
             if self.jumps.contradict:  # with wrong distances few steps are found: may the eyes have jumped back?
-                self._expected = seen_px, points.moved(np.zeros(6))[2]
+                self._expected = Corners(seen_px, self._stereo.disparity_px(points.moved(np.zeros(6))[2]))
             return None
-        self._expected = seen_px[step.agrees], points.moved(step.rates)[2][step.agrees]
+        disparity_px = self._stereo.disparity_px(points.moved(step.rates)[2])
+        self._expected = Corners(seen_px[step.agrees], disparity_px[step.agrees])
         noise = inner.noise if step.likely else steady_motion(self._last_rates).noise
         return EgoMotion(
             t_before_ns=before.t_exposure_ns,
-            t_after_ns=pair.t_exposure_ns,
+            t_after_ns=t_exposure_ns,
             w_C_radps=so3.log(R[0] @ so3.exp(step.rates[:3] * step_s)) / step_s,
             v_C_mps=step.rates[3:] + p_m[0] / step_s,
             covariance=step.covariance + self._common + np.diag(noise**2),

@@ -97,10 +97,14 @@ class StereoPoints:
         corners_px, rays_C, guess = corners_px[known], rays_C[known], guess[known]
         if len(guess) == 0:
             return _without_points(t_exposure_ns, left), NO_SKEW
-        matched_px, good = self._matched(left, right, corners_px, rays_C, guess)
+        away_C = rays_C.copy()
+        away_C[:, 0] -= guess
+        matched_px, good = Slant(corners_px, self._right.pixels(away_C)).matched(left, right)
         if self._repeats(left, right, corners_px[good], matched_px[good]):
             return _without_points(t_exposure_ns, left), NO_SKEW
-        disparity, skew = self._apart(rays_C, matched_px)
+        seen_C = self._right.rays_C(matched_px)
+        disparity = rays_C[:, 0] - seen_C[:, 0]
+        skew = seen_C[:, 1] - rays_C[:, 1]
         common = self._common(skew[good], rays_C[good, 1])
         good &= np.abs(skew) < self.most_skew_px / self.left.f_px
         good &= np.abs(disparity - guess) < 1.0 / self._coarse.f_px
@@ -108,29 +112,10 @@ class StereoPoints:
         points_C = rays_C[good] * (self._coarse.baseline_m / disparity[good])[:, None]
         return View(t_exposure_ns, left, corners_px, points_C, self.row_times_s(corners_px)), common
 
-    def off_px(
-        self, left: GreyImage, right: GreyImage, corners_px: Float32Array, depth_m: FloatArray
-    ) -> tuple[FloatArray, BoolArray]:
-        """Return by how much (N,) the disparities that a reduced pair shows at `corners_px` (N, 2) differ from those of
-        depths (N,), in reduced pixels, and at which corners it shows one."""
-        rays_C, expected = self.left.rays_C(corners_px), self.baseline_m / depth_m
-        matched_px, good = self._matched(left, right, corners_px, rays_C, expected)
-        disparity, skew = self._apart(rays_C, matched_px)
-        return self.left.f_px * (disparity - expected), good & (np.abs(skew) < self.most_skew_px / self.left.f_px)
-
-    def _matched(
-        self, left: GreyImage, right: GreyImage, corners_px: Float32Array, rays_C: FloatArray, guess: FloatArray
-    ) -> tuple[Float32Array, BoolArray]:
-        """Return where (N, 2) the right eye sees corners (N, 2) of about the disparities `guess` (N,), in units of the
-        focal length, and which were found there."""
-        away_C = rays_C.copy()
-        away_C[:, 0] -= guess
-        return Slant(corners_px, self._right.pixels(away_C)).matched(left, right)
-
-    def _apart(self, rays_C: FloatArray, matched_px: Float32Array) -> tuple[FloatArray, FloatArray]:
-        """Return disparity and skew (N,), in units of the focal length, of rays (N, 3) and the right eye's pixels."""
-        seen_C = self._right.rays_C(matched_px)
-        return rays_C[:, 0] - seen_C[:, 0], seen_C[:, 1] - rays_C[:, 1]
+    def disparity_px(self, depth_m: FloatArray) -> FloatArray:
+        """Return the disparity (N,), in reduced pixels, of points at depths (N,)."""
+        disparity_px: FloatArray = self.left.f_px * self.baseline_m / depth_m
+        return disparity_px
 
     def _repeats(self, left: GreyImage, right: GreyImage, corners_px: Float32Array, matched_px: Float32Array) -> bool:
         """Return whether nearly all corners look the same elsewhere along the row, here and in the frames before."""

@@ -88,12 +88,9 @@ class MotionWatch:
             return None
         t_ns = frame.header.t_exposure_ns
         inner = self._inner_motion(self._odometer, t_ns, foretold)
-        were_wrong = self._eyes_are_wrong is not Reason.NONE  # when they saw the distances that this step rests on
         motion = self._odometer.add_frame(t_ns, frame.left, frame.right, inner)
         self._clock.add_motion(motion)
-        if motion is None or were_wrong or self._eyes_are_wrong is not Reason.NONE:
-            return None
-        return self._step_in_B(motion)
+        return self._step_in_B(motion) if self._eyes_are_wrong is Reason.NONE and motion is not None else None
 
     def _inner_motion(self, odometer: VisualOdometer, t_ns: int, foretold: MotionForetold | None) -> InnerMotion | None:
         if odometer.t_before_ns is None or t_ns <= odometer.t_before_ns:

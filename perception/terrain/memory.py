@@ -19,7 +19,6 @@ import numpy as np
 from messages.arrays import FloatArray
 from perception.terrain.edges import Edge
 from perception.terrain.surfaces import Surface
-from perception.terrain.way import Way
 
 
 @dataclass(frozen=True)
@@ -34,6 +33,7 @@ class MemorySettings:
     contradicted: int = 3
     behind_m: float = 0.30
     nearest_m: float = 0.09
+    longest_gap_s: float = 0.5
     most: int = 24
 
 
@@ -73,7 +73,14 @@ class EdgeMemory:
     def __init__(self, settings: MemorySettings | None = None) -> None:
         self._settings = settings or MemorySettings()
         self._known: list[_Known] = []
-        self._way = Way()
+        self._p_W_m = np.zeros(2)
+        self._t_ns: int | None = None
+        self._v_W_mps = np.zeros(2)
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._known.clear()
+        self._t_ns = None
 
     def update(
         self, t_ns: int, v_W_mps: FloatArray, heading_rad: float, edges: Sequence[Edge], surfaces: Sequence[Surface]
@@ -85,7 +92,7 @@ class EdgeMemory:
         self._move(t_ns, v_W_mps)
         unmatched = list(edges)
         for known in self._known:
-            expected = known.in_heading(self._way.p_W_m, heading_rad)
+            expected = known.in_heading(self._p_W_m, heading_rad)
             same = [edge for edge in unmatched if self._are_one(expected, edge)]
             if same:
                 nearest = min(same, key=lambda edge: abs(edge.distance_m - expected.distance_m))
@@ -95,11 +102,14 @@ class EdgeMemory:
                 known.contradicted += 1
         self._known += [self._new(edge, heading_rad) for edge in unmatched]
         self._forget(heading_rad)
-        return self._told(self._way.p_W_m, heading_rad)
+        return self._told(self._p_W_m, heading_rad)
 
     def expected(self, t_ns: int, v_W_mps: FloatArray, heading_rad: float) -> list[Edge]:
         """Return the confirmed edges as they lie in H, by distance, at a time after the last frame."""
-        return self._told(self._way.at(t_ns, v_W_mps), heading_rad) if self._way.is_known(t_ns) else []
+        since_s = 0.0 if self._t_ns is None else 1e-9 * (t_ns - self._t_ns)
+        if since_s > self._settings.longest_gap_s:
+            return []
+        return self._told(self._p_W_m + 0.5 * since_s * (self._v_W_mps + v_W_mps), heading_rad)
 
     def expected_yaw_rad(self, heading_rad: float) -> float:
         """Return the yaw of the nearest edge ahead that is confirmed; 0 where none is."""
@@ -107,7 +117,7 @@ class EdgeMemory:
             edge
             for known in self._known
             if known.seen >= self._settings.confirmed
-            and (edge := known.in_heading(self._way.p_W_m, heading_rad)).distance_m > 0.0
+            and (edge := known.in_heading(self._p_W_m, heading_rad)).distance_m > 0.0
         ]
         return min(ahead, key=lambda edge: edge.distance_m).yaw_rad if ahead else 0.0
 
@@ -116,12 +126,15 @@ class EdgeMemory:
         return sorted((known.in_heading(p_W_m, heading_rad) for known in confirmed), key=lambda edge: edge.distance_m)
 
     def _move(self, t_ns: int, v_W_mps: FloatArray) -> None:
-        dt_s = self._way.move(t_ns, v_W_mps)
-        if dt_s is None:
-            self._known.clear()
-        for known in self._known:
-            known.c_var_m2 += _POSITION_M_PER_SQRT_S**2 * (dt_s or 0.0)
-            known.phi_var_rad2 += _YAW_RAD_PER_SQRT_S**2 * (dt_s or 0.0)
+        dt_s = 0.0 if self._t_ns is None else 1e-9 * (t_ns - self._t_ns)
+        if dt_s > self._settings.longest_gap_s:
+            self.clear()
+        else:
+            self._p_W_m = self._p_W_m + 0.5 * dt_s * (self._v_W_mps + v_W_mps)
+            for known in self._known:
+                known.c_var_m2 += _POSITION_M_PER_SQRT_S**2 * dt_s
+                known.phi_var_rad2 += _YAW_RAD_PER_SQRT_S**2 * dt_s
+        self._t_ns, self._v_W_mps = t_ns, v_W_mps
 
     def _are_one(self, expected: Edge, edge: Edge) -> bool:
         near = abs(edge.distance_m - expected.distance_m) < self._settings.nearest_m
@@ -151,7 +164,7 @@ class EdgeMemory:
         n = np.array([math.cos(phi_rad), math.sin(phi_rad)])
         along = math.cos(edge.yaw_rad)
         return _Known(
-            c_m=float(n @ self._way.p_W_m) + edge.distance_m * along,
+            c_m=float(n @ self._p_W_m) + edge.distance_m * along,
             c_var_m2=(edge.distance_sd_m * along) ** 2,
             phi_rad=phi_rad,
             phi_var_rad2=edge.yaw_sd_rad**2,
@@ -164,7 +177,7 @@ class EdgeMemory:
         limits = self._settings
 
         def stays(known: _Known) -> bool:
-            edge = known.in_heading(self._way.p_W_m, heading_rad)
+            edge = known.in_heading(self._p_W_m, heading_rad)
             return -limits.behind_m < edge.distance_m < _FARTHEST_M and known.contradicted < limits.contradicted
 
         self._known = [known for known in self._known if stays(known)][-limits.most :]

@@ -13,7 +13,6 @@ import numpy as np
 
 from messages.arrays import FloatArray
 from perception.terrain.obstacles import Obstacle
-from perception.terrain.way import Way
 
 
 @dataclass(frozen=True)
@@ -34,6 +33,7 @@ class ObstacleSettings:
     unseen_s: float = 3.0
     same_m: float = 0.20
     one_m: float = 0.30
+    longest_gap_s: float = 0.5
     most: int = 12
 
 
@@ -66,7 +66,9 @@ class ObstacleMemory:
         self._half_width_m = half_width_m
         self._settings = settings or ObstacleSettings()
         self._known: list[_Known] = []
-        self._way = Way()
+        self._p_W_m = np.zeros(2)
+        self._t_ns: int | None = None
+        self._v_W_mps = np.zeros(2)
 
     def __len__(self) -> int:
         return len(self._known)
@@ -76,14 +78,13 @@ class ObstacleMemory:
 
         `v_W_mps` (2,) is the camera's horizontal velocity then.
         """
-        if self._way.move(t_ns, v_W_mps) is None:
-            self._known.clear()
+        self._move(t_ns, v_W_mps)
         R_WH = np.array(
             [[math.cos(heading_rad), -math.sin(heading_rad)], [math.sin(heading_rad), math.cos(heading_rad)]]
         )
         unmatched = list(found)
         for known in self._known:
-            expected_H = R_WH.T @ (known.last_W_m - self._way.p_W_m)
+            expected_H = R_WH.T @ (known.last_W_m - self._p_W_m)
             near = [each for each in unmatched if _apart_m(each, expected_H, known.last_H_m) < self._settings.same_m]
             if near:
                 nearest = min(near, key=lambda each: _apart_m(each, expected_H, known.last_H_m))
@@ -95,26 +96,26 @@ class ObstacleMemory:
         self._forget(R_WH)
         told: list[Obstacle] = []
         for known in sorted(self._known, key=lambda known: -known.seen):
-            x, y = R_WH.T @ (known.mean_W_m - self._way.p_W_m)
+            x, y = R_WH.T @ (known.mean_W_m - self._p_W_m)
             beside = any(_apart_m(other, np.array((x, y))) < self._settings.one_m for other in told)
             if self._is_told(known) and not beside and abs(y) < self._half_width_m:
                 told.append(Obstacle(float(x), float(y), known.height_m))
         return sorted(told, key=lambda each: each.distance_m)
 
+    def _move(self, t_ns: int, v_W_mps: FloatArray) -> None:
+        dt_s = 0.0 if self._t_ns is None else 1e-9 * (t_ns - self._t_ns)
+        if dt_s > self._settings.longest_gap_s:
+            self._known.clear()
+        else:
+            self._p_W_m = self._p_W_m + 0.5 * dt_s * (self._v_W_mps + v_W_mps)
+        self._t_ns, self._v_W_mps = t_ns, v_W_mps
+
     def _new(self, seen: Obstacle, R_WH: FloatArray) -> _Known:
-        assert self._way.t_ns is not None
+        assert self._t_ns is not None
         at_H_m = np.array((seen.distance_m, seen.left_m))
-        at_W_m = self._way.p_W_m + R_WH @ at_H_m
+        at_W_m = self._p_W_m + R_WH @ at_H_m
         return _Known(
-            at_W_m,
-            at_W_m,
-            at_H_m,
-            at_W_m,
-            seen.height_m,
-            self._way.p_W_m,
-            self._way.t_ns,
-            self._way.t_ns,
-            seen.distance_m,
+            at_W_m, at_W_m, at_H_m, at_W_m, seen.height_m, self._p_W_m, self._t_ns, self._t_ns, seen.distance_m
         )
 
     def _fuse(self, known: _Known, seen: Obstacle, R_WH: FloatArray) -> None:
@@ -129,16 +130,16 @@ class ObstacleMemory:
         known.last_W_m, known.last_H_m, known.newest_ns, known.missed = now.last_W_m, now.last_H_m, now.first_ns, 0
 
     def _is_told(self, known: _Known) -> bool:
-        assert self._way.t_ns is not None
+        assert self._t_ns is not None
         limits = self._settings
-        way = self._way.p_W_m - known.wearer_W_m
+        way = self._p_W_m - known.wearer_W_m
         square_m2 = float(way @ way)
         walked = square_m2 > limits.way_m**2
         along = float((known.last_W_m - known.first_W_m) @ way) / square_m2 if walked else 0.0
         return (
             known.seen >= limits.confirmed
             and known.farthest_m > limits.from_ahead_m
-            and (walked or 1e-9 * (self._way.t_ns - known.first_ns) > limits.standing_s)
+            and (walked or 1e-9 * (self._t_ns - known.first_ns) > limits.standing_s)
             and along < _CARRIED
         )
 
@@ -146,9 +147,9 @@ class ObstacleMemory:
         limits = self._settings
 
         def stays(known: _Known) -> bool:
-            assert self._way.t_ns is not None
-            ahead_m = float((R_WH.T @ (known.mean_W_m - self._way.p_W_m))[0])
-            unseen_s = 1e-9 * (self._way.t_ns - known.newest_ns)
+            assert self._t_ns is not None
+            ahead_m = float((R_WH.T @ (known.mean_W_m - self._p_W_m))[0])
+            unseen_s = 1e-9 * (self._t_ns - known.newest_ns)
             missed = limits.missed if not known.moves else 1
             return known.missed < missed and ahead_m > -limits.behind_m and unseen_s < limits.unseen_s
 

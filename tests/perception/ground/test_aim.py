@@ -136,15 +136,6 @@ def test_a_track_goes_on_from_a_known_surface_and_is_carried_where_it_is_not_see
     assert tracker.predicted(100_000_000, level) is None
 
 
-def test_a_track_is_not_carried_for_longer_than_half_a_second_after_it_was_seen() -> None:
-    tracker, level = PlaneTracker(TrackingSettings()), np.eye(3)
-    tracker.begin(0, Plane((0.1, 0.0), 0.8), np.diag([1e-4, 1e-4, 1e-4]), level, np.zeros((2, 2)))
-    times_ns = range(50_000_000, 800_000_000, 50_000_000)
-    carried = [t for t in times_ns if tracker.carried(t, level, np.zeros(3), np.zeros((2, 2))) is not None]
-    assert carried == list(range(50_000_000, 550_000_000, 50_000_000))
-    assert tracker.predicted(600_000_000, level) is None
-
-
 def test_surfaces_move_with_the_camera() -> None:
     surface = moved(flat(0.5, 1.0, -0.9, slope=0.2), 0.1, 0.03)
     assert (surface.from_m, surface.to_m) == pytest.approx((0.4, 0.9))

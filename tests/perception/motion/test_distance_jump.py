@@ -11,9 +11,9 @@ from lab.faults import deformed_view, image_changes
 from lab.faults.criteria import errors_of
 from lab.faults.faulty_camera import ImageChange
 from messages import GroundPlane, Reason, Status, StereoFrame
-from messages.arrays import Float32Array, FloatArray
+from messages.arrays import FloatArray
 from perception.ground.foothold import FootholdSettings
-from perception.motion.distance_jump import DistanceJumps
+from perception.motion.distance_jump import Corners, DistanceJumps
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
@@ -21,40 +21,41 @@ SIZE_PX = np.array([320.0, 180.0])
 START_NS = 10_000_000_000
 
 
-def corners(count: int = 120) -> Float32Array:
-    places_px: FloatArray = np.random.default_rng(3).uniform(0.0, 1.0, (count, 2)) * SIZE_PX
-    return places_px.astype(np.float32)
+def corners(count: int = 120) -> Corners:
+    chance = np.random.default_rng(3)
+    places_px = (chance.uniform(0.0, 1.0, (count, 2)) * SIZE_PX).astype(np.float32)
+    return Corners(places_px, chance.uniform(15.0, 40.0, count))
 
 
-def off(count: int, by_px: FloatArray | float, noise_px: float = 0.06, wrong: int = 0) -> FloatArray:
-    """Return what `count` disparities differ by, the first `wrong` of them by anything."""
+def moved(seen: Corners, by_px: FloatArray | float, noise_px: float = 0.06, wrong: int = 0) -> Corners:
+    """Return corners seen a little beside where they are, their disparities moved; the first `wrong` are nonsense."""
     chance = np.random.default_rng(4)
-    off_px: FloatArray = by_px + noise_px * chance.standard_normal(count)
-    off_px[:wrong] = chance.uniform(-25.0, 25.0, wrong)
-    return off_px
+    disparity_px = seen.disparity_px + by_px + noise_px * chance.standard_normal(len(seen.disparity_px))
+    disparity_px[:wrong] = chance.uniform(5.0, 60.0, wrong)
+    return Corners(seen.places_px + np.float32(0.2), disparity_px)
 
 
-def stretch_px(places_px: Float32Array) -> FloatArray:
+def stretch_px(seen: Corners) -> FloatArray:
     """Return a window's that moves the picture by a pixel either way, one deviation beside its middle."""
-    x = places_px[:, 0].astype(np.float64)
+    x = seen.places_px[:, 0].astype(np.float64)
     stretched: FloatArray = (x - x.mean()) / x.std()
     return stretched
 
 
 @pytest.mark.parametrize("by_px", [0.6, -0.6, 3.0])
 def test_an_eye_that_turns_moves_all_distances_until_it_turns_back(by_px: float) -> None:
-    jumps = DistanceJumps()
-    jumps.add(corners(), off(120, by_px))
+    jumps, expected = DistanceJumps(), corners()
+    jumps.add(expected, moved(expected, by_px))
     assert jumps.contradict
-    jumps.add(corners(), off(120, 0.0))
+    jumps.add(expected, moved(expected, 0.0))
     assert jumps.contradict
-    jumps.add(corners(), off(120, -by_px))
+    jumps.add(expected, moved(expected, -by_px))
     assert not jumps.contradict
 
 
 def test_a_window_that_stretches_the_picture_is_noticed_though_on_average_nothing_moves() -> None:
-    jumps = DistanceJumps()
-    jumps.add(corners(), off(120, stretch_px(corners())))
+    jumps, expected = DistanceJumps(), corners()
+    jumps.add(expected, moved(expected, stretch_px(expected)))
     assert jumps.contradict
 
 
@@ -68,16 +69,18 @@ def test_a_window_that_stretches_the_picture_is_noticed_though_on_average_nothin
 def test_noise_and_things_that_move_by_themselves_are_no_jump(
     by_px: float, noise_px: float, wrong: int, count: int
 ) -> None:
-    jumps = DistanceJumps()
-    jumps.add(corners(count), off(count, by_px, noise_px, wrong))
+    jumps, expected = DistanceJumps(), corners(count)
+    jumps.add(expected, moved(expected, by_px, noise_px, wrong))
     assert not jumps.contradict
 
 
 def test_little_that_adds_up_is_no_jump_and_neither_is_what_few_corners_say() -> None:
-    jumps = DistanceJumps()
+    jumps, expected, few = DistanceJumps(), corners(), corners(8)
     for _ in range(40):
-        jumps.add(corners(), off(120, 0.1))
-    jumps.add(corners(8), off(8, 3.0))
+        jumps.add(expected, moved(expected, 0.1))
+    jumps.add(few, moved(few, 3.0))
+    elsewhere = Corners(expected.places_px + np.float32(400.0), expected.disparity_px + 3.0)
+    jumps.add(expected, elsewhere)
     assert not jumps.contradict
 
 
@@ -106,7 +109,7 @@ def test_an_eye_that_slips_along_the_rows_in_mid_walk_is_flagged_at_once_and_mis
             left, right = change((message.left, message.right))
             message = msgspec.structs.replace(message, left=left, right=right)
         grounds += [told for told in pipeline.step(message) if isinstance(told, GroundPlane)]
-    slipped = [ground for ground in grounds if slip_ns <= ground.t_exposure_ns < back_ns]
+    slipped = [ground for ground in grounds if slip_ns + 100_000_000 <= ground.t_exposure_ns < back_ns]
     assert {ground.reason for ground in slipped} == {Reason.DISTANCES_WRONG}
     valid = [ground for ground in grounds if ground.status is Status.VALID]
     assert not any(errors_of(ground, wearer.truth(ground.t_exposure_ns)).wrong for ground in valid)
