@@ -153,6 +153,13 @@ def load_trial(folder: Path) -> AnkleTrial:
     return trial
 
 
+def check_trial(trial: AnkleTrial, path: Path) -> None:
+    """Raise UserError, beginning with `path`, for a trial that `load_trial` would refuse."""
+    _check_settings(trial.settings, path)
+    _check_samples(trial, trial.cycle.astype(np.float64) + 1.0, path)
+    _check_onsets(trial, path)
+
+
 def save_trial(folder: Path, trial: AnkleTrial) -> None:
     """Write the folder that `load_trial` reads, to 12 digits; raises UserError where it cannot."""
     write_toml(folder / "trial.toml", msgspec.to_builtins(trial.settings))
