@@ -1,5 +1,6 @@
 """`gaiteyes platform ankle`: the ankle's impedance over stance, from perturbed steps on the vibrating platform."""
 
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -93,14 +94,30 @@ def _print(found: "AnkleTable") -> None:
                 (axis.damping_nms_per_rad, axis.damping_nms_per_rad_low, axis.damping_nms_per_rad_high),
             )
         ]
+        set_points = zip(axis.mean_moment_nm, axis.equilibrium_rad, axis.equilibrium_rad_high, strict=True)
         rows = [
-            [f"{stance:.1f} %", f"{k:.1f}", f"{k_low:.1f} to {k_high:.1f}", f"{b:.3f}", f"{b_low:.3f} to {b_high:.3f}"]
-            for stance, (k, k_low, k_high), (b, b_low, b_high) in zip(found.stance_percent, *curves, strict=True)
+            [
+                f"{stance:.1f} %",
+                *(f"{k:.1f}", f"{k_low:.1f} to {k_high:.1f}"),
+                *(f"{b:.3f}", f"{b_low:.3f} to {b_high:.3f}"),
+                *(f"{moment:.1f}", f"{degrees(rest):.2f} ± {degrees(high - rest):.2f}"),
+            ]
+            for stance, (k, k_low, k_high), (b, b_low, b_high), (moment, rest, high) in zip(
+                found.stance_percent, *curves, set_points, strict=True
+            )
         ]
-        table(name, ["stance", "N·m/rad", "95 %", "N·m·s/rad", "95 %"], rows[:: max(1, len(rows) // 14)])
+        table(
+            name,
+            ["stance", "N·m/rad", "95 %", "N·m·s/rad", "95 %", "mean N·m", "equilibrium °"],
+            rows[:: max(1, len(rows) // 14)],
+        )
         console.print(
             f"foot about the ankle: {axis.foot_inertia_kgm2:.4f} kg m², 95 % "
             f"{axis.foot_inertia_kgm2_low:.4f} to {axis.foot_inertia_kgm2_high:.4f}"
         )
+        shares = [100.0 * (share or 0.0) for share in (axis.stiffness_half_share, axis.damping_half_share)]
+        console.print("quality: 95 % intervals of ±{:.1f} % (stiffness) and ±{:.1f} % (damping)".format(*shares))
         for reason in axis.not_identifiable:
             console.print(f"not identifiable: {reason}")
+    delay_ms, half_ms = 1e3 * (found.wrench_delay_s or 0.0), 1.96e3 * (found.wrench_delay_deviation_s or 0.0)
+    console.print(f"the wrench is {delay_ms:+.3f} ± {half_ms:.3f} ms behind the motion: taken out")

@@ -95,6 +95,18 @@ class BodyPrior(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     inertia_deviation_kgm2: tuple[Deviation, Deviation, Deviation, Deviation, Deviation, Deviation]
 
 
+class Instruments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What is known of the wrench's delay behind the motion, and one standard deviation of it and of the gain.
+
+    Where a spring or a weight of known inertia stood on the plate before, its identification tells the delay
+    (`force_delay`), to be put here with its deviation.
+    """
+
+    delay_s: Annotated[float, msgspec.Meta(ge=-0.02, le=0.02)] = 0.0
+    delay_deviation_s: Annotated[float, msgspec.Meta(ge=0.0, le=0.01)] = 0.001
+    gain_deviation_share: Annotated[float, msgspec.Meta(ge=0.0, le=0.5)] = 0.005
+
+
 class TrialSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What `trial.toml` holds."""
 
@@ -107,6 +119,7 @@ class TrialSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ankle: Ankle
     plate: BodyPrior
     foot: BodyPrior
+    instruments: Instruments = Instruments()
 
 
 @dataclass(frozen=True)

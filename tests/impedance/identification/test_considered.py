@@ -19,7 +19,7 @@ from messages.arrays import FloatArray
 from messages.errors import UserError
 from tests.bench.platform_motion import FOOT, L_M, PLATE, lines, noisy, recording, undeclared
 
-SECONDS = 10.0
+SECONDS = 8.0
 BESIDE_M = np.array([3e-3, 0.0, 2e-3])
 
 
@@ -72,12 +72,14 @@ def test_a_joint_beside_the_plates_centre_is_seen_and_used(plate: PlatformRecord
     assert found.estimate[[1, 3]] == pytest.approx(truth[[1, 3]], abs=1.2e-3)
 
 
+@pytest.mark.long
 def test_where_the_joint_is_stated_as_exact_the_markers_refute_it(plate: PlatformRecording) -> None:
     found = identify(uncertain(noisy(beside(plate), 3), joint_m=0.0))
     assert not found.constrained
     assert any("markers refute the joint" in note for note in found.notes)
 
 
+@pytest.mark.long
 def test_no_interval_of_the_mass_is_below_what_the_gain_allows(
     plate: PlatformRecording, foot: PlatformRecording
 ) -> None:
@@ -125,6 +127,7 @@ def test_instruments_that_are_exact_are_not_refused(plate: PlatformRecording) ->
     assert found.observability.deviation == pytest.approx(found.noise_deviation)
 
 
+@pytest.mark.long
 def test_the_plates_run_tells_the_foots_of_the_instruments(plate: PlatformRecording, foot: PlatformRecording) -> None:
     matrix = np.eye(6)
     matrix[3, 2] = 1e-3
@@ -151,6 +154,7 @@ def test_the_report_says_what_is_known_of_the_instruments(plate: PlatformRecordi
     assert len(told) == 44
 
 
+@pytest.mark.long
 def test_noise_of_each_channel_follows_from_the_misfit(plate: PlatformRecording) -> None:
     seen = undeclared(noisy(plate, 12))
     t_s = seen.t_s[:, None]
