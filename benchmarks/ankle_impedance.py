@@ -1,23 +1,36 @@
-"""How well stiffness and damping over stance are identified: `python -m benchmarks.ankle_impedance [--seeds
-1000-1019]`.
+"""How well stiffness and damping over stance are identified: `python -m benchmarks.ankle_impedance [--seeds 1000-1019]
+[--delay-ms 1]`.
 
 Simulated people and noise of the judging seeds, which nothing was tuned on. SNR counts the perturbed intrinsic moment
 against the moment's white noise; voluntary drift, fatigue, reflex and balance come on top. The mean error is that of
 the relative error over stance. VAF is that of K x + B ẋ + I θ̈, fitted against true, noise-free; I as the moment tells
 it. The bound is the mean error of the best estimate that knows everything else (Cramér and Rao): K and B of five
-splines each, and I, in white noise alone.
+splines each, and I, in white noise alone. With --delay-ms the wrench is late, or early, by a time drawn for each person
+within that, of which nothing is told but the usual deviation. The equilibrium angle is that of the person, not of these
+steps. An axis is refused as the table refuses it.
 """
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from impedance.ankle.impedance import AXES, identify, spline
 from impedance.ankle.motion import bodies_of, motion_of
+from impedance.ankle.table import table_of
 from impedance.ankle.trial import Perturbation
 from messages.arrays import BoolArray, FloatArray
-from sim_rig.platform.ankle import AT_15_DB, FLAT_FOOT, SENSOR_NOISE, AnkleNoise, AnkleRun, measured, walk
+from sim_rig.platform.ankle import (
+    AT_15_DB,
+    FLAT_FOOT,
+    SENSOR_NOISE,
+    AnkleNoise,
+    AnkleRun,
+    measured,
+    true_equilibrium,
+    walk,
+)
 from sim_rig.platform.ankle_person import person
 
 CASES = (
@@ -41,17 +54,35 @@ class Outcome:
     stiffness_covered: FloatArray
     damping_covered: FloatArray
     vaf: FloatArray
+    equilibrium_deg: FloatArray
+    equilibrium_covered: FloatArray
+    refused: FloatArray
     inertia_off: FloatArray
     """The foot's moment of inertia minus the truth, in its own standard deviations."""
 
 
-def outcome(kind: Perturbation, cycles: int, unperturbed: int, noise: AnkleNoise, seed: int) -> Outcome:
-    """Return how well one seed's trial is identified."""
+def late(run: AnkleRun, delay_s: float) -> AnkleRun:
+    """Return the run with its wrench stamped late by a constant time."""
+    wrench = run.wrench.copy()
+    for cycle in np.unique(run.cycle):
+        own = run.cycle == cycle
+        wrench[own] = CubicSpline(run.t_s[own], run.wrench[own])(run.t_s[own] - delay_s)
+    return replace(run, wrench=wrench)
+
+
+def outcome(
+    kind: Perturbation, cycles: int, unperturbed: int, noise: AnkleNoise, seed: int, within_s: float = 0.0
+) -> Outcome:
+    """Return how well one seed's trial is identified, its wrench late by a time drawn within ± `within_s`."""
     run = walk(person(seed), [kind] * cycles + [Perturbation.NONE] * unperturbed, seed)
-    trial = measured(run, noise, seed)
+    delay_s = within_s * float(np.random.default_rng((seed, 4)).uniform(-1.0, 1.0))
+    heard = late(run, delay_s) if delay_s else run
+    trial = measured(heard, noise, seed)
     found = identify(trial)
+    rest = true_equilibrium(run, found.stance)
+    shown = table_of(trial, found)
     counted = run.perturbed & np.isin(np.arange(len(run.t_s)), found.rows)
-    noise_nm = np.std((trial.wrench - run.wrench)[:, [5, 3]], axis=0)
+    noise_nm = np.std((trial.wrench - heard.wrench)[:, [5, 3]], axis=0)
     truths = run.person.stiffness(found.stance), run.person.damping(found.stance)
     noise_free = motion_of(measured(run, AnkleNoise(0.0, 0.0, 0.0, 0.0), seed), bodies_of(trial.settings))
     rows = []
@@ -65,8 +96,11 @@ def outcome(kind: Perturbation, cycles: int, unperturbed: int, noise: AnkleNoise
         off = one.fitted_nm - noise_free.moment[np.isin(noise_free.rows, found.rows), axis]
         vaf = 1.0 - off[run.perturbed[found.rows]].var() / run.intrinsic_nm[counted, axis].var()
         inertia_off = (one.inertia_kgm2 - run.foot_about_ankle_kgm2[axis]) / one.inertia_deviation_kgm2
+        off_deg = float(np.rad2deg(np.abs(one.equilibrium.value - rest[:, axis]).mean()))
+        inside = (one.equilibrium.low <= rest[:, axis]) & (rest[:, axis] <= one.equilibrium.high)
+        refused = float(any("refused" in reason for reason in shown.axes()[axis].not_identifiable))
         bounds = _bounds(run, counted, axis, float(noise_nm[axis]), found.stance, K, B)
-        rows.append([*errors, *bounds, *covered, vaf, inertia_off])
+        rows.append([*errors, *bounds, *covered, vaf, off_deg, float(inside.mean()), refused, inertia_off])
     return Outcome(*np.array(rows).T)
 
 
@@ -95,11 +129,13 @@ def _bounds(
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", default="1000-1019", help="first-last")
+    parser.add_argument("--delay-ms", type=float, default=0.0, help="greatest delay of the wrench, either way")
     parser.add_argument("--only", default="", help="cases whose name holds this")
     arguments = parser.parse_args()
     first, last = (int(each) for each in arguments.seeds.split("-"))
     for name, kind, cycles, unperturbed, noise in (case for case in CASES if arguments.only in case[0]):
-        outcomes = [outcome(kind, cycles, unperturbed, noise, seed) for seed in range(first, last + 1)]
+        within_s = 1e-3 * arguments.delay_ms
+        outcomes = [outcome(kind, cycles, unperturbed, noise, seed, within_s) for seed in range(first, last + 1)]
         print(f"{name}; seeds {first} to {last}")
         for axis, label in enumerate(AXES):
             got = {key: np.array([getattr(each, key)[axis] for each in outcomes]) for key in Outcome.__annotations__}
@@ -110,6 +146,11 @@ def main() -> None:
                     f"{error.max():.2f}; bound {100 * got[f'{what}_bound'].mean():.2f}), 95 % intervals cover "
                     f"{100 * got[f'{what}_covered'].mean():.1f} %"
                 )
+            off_deg = got["equilibrium_deg"]
+            print(
+                f"  {label}, equilibrium angle: mean error {off_deg.mean():.2f}° (worst {off_deg.max():.2f}), 95 % "
+                f"intervals cover {100 * got['equilibrium_covered'].mean():.1f} %; refused {got['refused'].sum():.0f}"
+            )
             vaf = 100.0 * got["vaf"]
             print(
                 f"  {label}: VAF mean {vaf.mean():.2f} %, least {vaf.min():.2f} %; foot's inertia off by "

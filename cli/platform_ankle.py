@@ -41,6 +41,26 @@ def simulate(
     save_table(out / "truth.toml", true_table(run))
 
 
+@ankle.command("import")
+def import_c3d(
+    file: Annotated[Path, typer.Argument(help="The C3D file.")],
+    layout: Annotated[Path, typer.Argument(help="A trial.toml with a table [c3d]; see docs/platform.md.")],
+    out: Annotated[Path, typer.Option(help="Folder to write the trial into.")],
+) -> None:
+    """Bring a C3D file with events in as a trial of the ankle."""
+    from cli.console import console
+    from impedance.ankle.c3d import read_c3d_trial
+    from impedance.ankle.trial import save_trial
+
+    trial, notes = read_c3d_trial(file, layout)
+    save_trial(out, trial)
+    for note in notes:
+        console.print(f"- {note}", highlight=False, markup=False)
+    kinds = [kind.value for kind in trial.perturbation]
+    told = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+    console.print(f"{len(kinds)} stances ({told}), written to {out}")
+
+
 @ankle.command()
 def identify(
     trial: Annotated[Path, typer.Argument(help="Folder with trial.toml, cycles.csv and events.csv.")],
@@ -76,9 +96,10 @@ def identify(
 def _print(found: "AnkleTable") -> None:
     from cli.console import console, show
     from impedance.ankle.plot import AXES
-    from impedance.ankle.report import axis_sentences, axis_table
+    from impedance.ankle.report import axis_sentences, axis_table, delay_sentence
 
     for name, axis in zip(AXES, found.axes(), strict=True):
         show(axis_table(found, axis, name))
         for sentence in axis_sentences(axis):
             console.print(sentence)
+    console.print(delay_sentence(found))

@@ -24,14 +24,16 @@ def identify(
     """Identify the plate, or the foot where one is mounted: ten parameters with 95 % intervals."""
     from cli.console import check_writable, console, table, write_json
     from cli.progress import working
+    from impedance.identification.checks import HEADING as CHECK_HEADING
     from impedance.identification.identification import identify as identified
-    from impedance.identification.report import HEADING, facts, parameter_rows, remarks, write_report
+    from impedance.identification.report import HEADING, check_rows, facts, parameter_rows, remarks, write_report
     from impedance.recording.recording import PlatformRecording
 
     check_writable(json)
     with working("identifying"):
         known = None if plate is None else identified(PlatformRecording.load(plate), joint=joint, weighed=weighed).known
         found = identified(PlatformRecording.load(recording), known, joint, weighed=weighed)
+    table("Instruments, as markers and misfit see them", CHECK_HEADING, check_rows(found))
     table(f"Inertia of the {found.what}, about its centre of gravity", HEADING, parameter_rows(found))
     for remark in remarks(found):
         console.print(f"- {remark}")

@@ -8,7 +8,9 @@ stance,
 K and B are splines over s, under ramps alone, which leave gaps between them, of a roughness that is learnt; μ, common
 to all cycles, is the unperturbed moment; d_c is the slow voluntary and balancing moment of cycle c, a smooth curve
 whose strength is learnt; δπ and δr are what the bodies and the ankle's centre may be off, with the deviations told in
-the trial; the lever is considered only. The rest is estimated at once (`mixed_model`), so every interval holds them
+the trial; the lever and the wrench's gain are considered only. The wrench's delay τ adds −τ dM/dt: through the known
+inertia of plate and foot it looks like no damping, so that both axes tell it; it is taken out, and what stays unknown
+of it is considered. The rest is estimated at once (`mixed_model`), so every interval holds them
 all.
 
 The intrinsic part is separated from the reflex by time. Of a ramp's cycle only what is measured before `REFLEX_FROM_S`
@@ -16,22 +18,22 @@ after the onset is used. Under random perturbation the plate's rate of `REFLEX_F
 sign, stands in the model as a cause of its own.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
+import msgspec
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
 from impedance.ankle.mixed_model import Block, MixedFit, Prior, fit
-from impedance.ankle.motion import AnkleMotion, Bodies, bodies_of, motion_of
-from impedance.ankle.trial import AnkleTrial, Perturbation
+from impedance.ankle.motion import REFLEX_FROM_S, AnkleMotion, Bodies, bodies_of, motion_of
+from impedance.ankle.trial import AnkleTrial, Instruments, Perturbation
 from messages.arrays import BoolArray, FloatArray, IntArray, rms
 from messages.constants import NORMAL_95
 from messages.errors import UserError
 
 AXES: Final = ("dorsi_plantarflexion", "inversion_eversion")
-REFLEX_FROM_S: Final = 0.095
 REFLEX_TO_S: Final = 0.40
 
 _IMPEDANCE_SPLINES = 6
@@ -41,6 +43,7 @@ _REFLEX_PHASES = 3
 _DRIFT_KNOT_S = 0.12
 _ANSWER_LAGS_S = (0.05, 0.15, 0.5)
 _ANSWER_PHASES = 3
+_DELAY_ROUNDS = 2
 _INERTIA_PLACE = (6, 4)
 """Of J_zz and J_xx about A among a body's ten parameters."""
 
@@ -66,15 +69,24 @@ class Curve:
 @dataclass(frozen=True)
 class AxisImpedance:
     """One axis: stiffness (N·m/rad) and damping (N·m·s/rad) over `stance` (k,), the foot's moment of inertia about A.
+
+    `mean_moment` (N·m) is μ of (1), as wide as steps differ and a rectified reflex moves it; `equilibrium` (rad) is the
+    angle of foot against shank at which a spring of this stiffness makes no moment, θ̄ − μ / K with θ̄ the mean course of
+    the angle: a controller's set-point.
+
     `noise_nm` is the moment's noise, `drift_nm` the root mean square of the voluntary and balancing moment taken off,
     `reflex_nm` that of the reflex; `accounted` is the share of the perturbed moment's variance that the model accounts
-    for, noise and all; `fitted_nm` (m,) is the right side of (1) without e.
+    for, noise and all; `delay` is the wrench's delay beyond the one taken out and its variance, in units of the stated
+    deviation and its square; `fitted_nm` (m,) is the right side of (1) without e.
     """
 
     stiffness: Curve
     damping: Curve
+    mean_moment: Curve
+    equilibrium: Curve
     inertia_kgm2: float
     inertia_deviation_kgm2: float
+    delay: tuple[float, float]
     noise_nm: float
     drift_nm: float
     reflex_nm: float
@@ -84,15 +96,47 @@ class AxisImpedance:
 
 @dataclass(frozen=True)
 class AnkleImpedance:
-    """The impedance about both `AXES`, over `stance` (k,) from 0 to 1 where the foot is flat; `rows` (m,) were used."""
+    """The impedance about both `AXES` over `stance` (k,) from 0 to 1 with the foot flat; `rows` (m,) were used.
+
+    `delay_s` ± `delay_deviation_s` is the wrench's delay behind the motion, as both axes and what was told have it.
+    """
 
     stance: FloatArray
     rows: IntArray
     axes: tuple[AxisImpedance, AxisImpedance]
+    delay_s: float
+    delay_deviation_s: float
 
 
 def identify(trial: AnkleTrial, points: int = 29) -> AnkleImpedance:
     """Return the impedance at `points` shares of stance; raises UserError where the trial cannot tell it."""
+    told = trial.settings.instruments
+    delay_s, deviation_s = told.delay_s, told.delay_deviation_s
+    for _ in range(_DELAY_ROUNDS if deviation_s > 0.0 else 0):
+        seen = _identify_at(_with_delay(trial, delay_s, told.delay_deviation_s), points, Prior.UNIT)
+        delay_s, deviation_s = _joined(told, delay_s, seen.axes)
+    found = _identify_at(_with_delay(trial, delay_s, deviation_s), points, Prior.CONSIDERED)
+    return replace(found, delay_s=delay_s, delay_deviation_s=deviation_s)
+
+
+def _with_delay(trial: AnkleTrial, delay_s: float, deviation_s: float) -> AnkleTrial:
+    instruments = msgspec.structs.replace(trial.settings.instruments, delay_s=delay_s, delay_deviation_s=deviation_s)
+    return replace(trial, settings=msgspec.structs.replace(trial.settings, instruments=instruments))
+
+
+def _joined(told: Instruments, at_s: float, axes: tuple[AxisImpedance, AxisImpedance]) -> tuple[float, float]:
+    """Return the delay and its deviation, of what is told of it and of what both axes say about `at_s`."""
+    variance = told.delay_deviation_s**2
+    information, pull = 1.0 / variance, told.delay_s / variance
+    for axis in axes:
+        value, left = axis.delay
+        information += (1.0 / left - 1.0) / variance
+        pull += (1.0 / left - 1.0) * at_s / variance + value / left / told.delay_deviation_s
+    return pull / information, information**-0.5
+
+
+def _identify_at(trial: AnkleTrial, points: int, delay_prior: Prior) -> AnkleImpedance:
+    """Return the impedance with the delay that the trial states: estimated beside it, or considered."""
     bodies = bodies_of(trial.settings)
     motion = motion_of(trial, bodies)
     used = _used(trial, motion)
@@ -101,10 +145,13 @@ def identify(trial: AnkleTrial, points: int = 29) -> AnkleImpedance:
     flat = trial.settings.flat_foot
     stance = np.linspace(0.01 * flat.from_percent, 0.01 * flat.to_percent, points)
     try:
-        first, second = (_identify_axis(trial, motion, bodies, used, axis, stance) for axis in range(2))
+        first, second = (_identify_axis(trial, motion, bodies, used, axis, stance, delay_prior) for axis in range(2))
     except ValueError as error:
         raise UserError(f"cycles.csv: {error}") from error
-    return AnkleImpedance(stance, motion.rows[used], (first, second))
+    instruments = trial.settings.instruments
+    return AnkleImpedance(
+        stance, motion.rows[used], (first, second), instruments.delay_s, instruments.delay_deviation_s
+    )
 
 
 def _used(trial: AnkleTrial, motion: AnkleMotion) -> BoolArray:
@@ -126,6 +173,7 @@ def _identify_axis(
     used: BoolArray,
     axis: int,
     stance: FloatArray,
+    delay_prior: Prior,
 ) -> AxisImpedance:
     rows = motion.rows[used]
     s, cycle = trial.stance[rows], trial.cycle[rows]
@@ -143,6 +191,8 @@ def _identify_axis(
         Block("damping_line", (shapes @ line) * rate[:, None], Prior.FREE),
         Block("damping_bend", (shapes @ bend) * rate[:, None], smoothness),
         Block("body", motion.body_columns[used, axis], Prior.UNIT),
+        Block("delay", motion.delay_columns[used, axis, None], delay_prior),
+        Block("gain", motion.gain_columns[used, axis, None], Prior.CONSIDERED),
         Block("lever", motion.lever_columns[used, axis], Prior.CONSIDERED),
         Block("mean", spline(s, span, _MEAN_SPLINES), Prior.FREE),
         Block("drift_line", drift_line, Prior.LEARNT),
@@ -150,21 +200,60 @@ def _identify_axis(
         Block("reflex", reflex, Prior.LEARNT),
     ]
     found = fit(motion.moment[used, axis], blocks, cycle)
+    delay = (0.0, 1.0)
+    if delay_prior is Prior.UNIT:
+        delay = (float(found.of("delay")[0][0]), float(found.of("delay")[1][0, 0]))
     asked = spline(stance, span, _IMPEDANCE_SPLINES)
     inertia, inertia_deviation = _foot_inertia(found, bodies, axis)
     parts = {block.name: block.X @ found.of(block.name)[0] for block in blocks if block.name in found.slices}
     perturbed = sum(parts[name] for name in parts if name.startswith(("stiffness", "damping", "body")))
+    stiffness = _curve(found, "stiffness", np.hstack((asked @ line, asked @ bend)))
+    mean = spline(stance, span, _MEAN_SPLINES)
+    of_fit = np.einsum("ki,ij,kj->k", mean, found.of("mean")[1], mean)
+    drift_nm = rms(parts["drift_line"] + parts["drift_bend"])
+    reflex_nm = rms(parts["reflex"]) if "reflex" in parts else 0.0
+    of_steps = drift_nm**2 / len(np.unique(cycle)) + reflex_nm**2
+    moment = Curve(mean @ found.of("mean")[0], np.sqrt(of_fit + of_steps))
+    course = _course(trial.plate_rad[rows, axis] - trial.shank_rad[rows, axis], s, cycle, span, mean)
     return AxisImpedance(
-        stiffness=_curve(found, "stiffness", np.hstack((asked @ line, asked @ bend))),
+        stiffness=stiffness,
         damping=_curve(found, "damping", np.hstack((asked @ line, asked @ bend))),
+        mean_moment=moment,
+        equilibrium=_equilibrium(found, course, stiffness, moment, np.hstack((asked @ line, asked @ bend)), mean),
         inertia_kgm2=inertia,
         inertia_deviation_kgm2=inertia_deviation,
+        delay=delay,
         noise_nm=found.sigma,
-        drift_nm=rms(parts["drift_line"] + parts["drift_bend"]),
-        reflex_nm=rms(parts["reflex"]) if "reflex" in parts else 0.0,
+        drift_nm=drift_nm,
+        reflex_nm=reflex_nm,
         accounted=float(1.0 - found.residual.var() / (found.residual + perturbed).var()),
         fitted_nm=motion.moment[used, axis] - found.residual,
     )
+
+
+def _course(
+    angle_rad: FloatArray, s: FloatArray, cycle: IntArray, span: tuple[float, float], asked: FloatArray
+) -> Curve:
+    """Return the mean course of an angle (n,) over stance where `asked` (k, splines), steps differing as they do."""
+    shapes = spline(s, span, _MEAN_SPLINES)
+    beta = np.linalg.lstsq(shapes, angle_rad, rcond=None)[0]
+    left = angle_rad - shapes @ beta
+    counts = np.bincount(cycle)
+    offsets = np.bincount(cycle, left)[counts > 0] / counts[counts > 0]
+    deviation = float(offsets.std(ddof=1) / np.sqrt(len(offsets))) if len(offsets) > 1 else float(left.std())
+    return Curve(asked @ beta, np.full(len(asked), deviation))
+
+
+def _equilibrium(
+    found: MixedFit, course: Curve, stiffness: Curve, moment: Curve, of_stiffness: FloatArray, of_moment: FloatArray
+) -> Curve:
+    """Return θ̄ − μ / K with its deviation to first order, K and μ as they vary together."""
+    rows = slice(found.slices["stiffness_line"].start, found.slices["stiffness_bend"].stop)
+    together = found.covariance[rows, found.slices["mean"]]
+    shared = np.einsum("ki,ij,kj->k", of_stiffness, together, of_moment)
+    K, mu = stiffness.value, moment.value
+    variance = (moment.deviation / K) ** 2 + (mu * stiffness.deviation / K**2) ** 2 - 2.0 * mu * shared / K**3
+    return Curve(course.value - mu / K, np.sqrt(course.deviation**2 + np.maximum(variance, 0.0)))
 
 
 def _own_turn(trial: AnkleTrial, motion: AnkleMotion, axis: int) -> FloatArray:

@@ -12,8 +12,9 @@ from functools import cache
 from typing import Final
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from impedance.ankle.trial import AnkleTrial, BodyPrior, TrialSettings, in_flat_foot
+from impedance.ankle.trial import AnkleTrial, BodyPrior, Perturbation, TrialSettings, in_flat_foot
 from impedance.body.geometry import GRAVITY_I_MPS2, angular_acceleration, angular_velocity, rotation_IP
 from impedance.body.rigid_body import Inertia, regressor
 from impedance.identification.propagation import propagated
@@ -24,6 +25,9 @@ PLATE_BAND_HZ: Final = (42.0, 65.0)
 
 SHANK_BAND_HZ: Final = (12.0, 30.0)
 """The same of the shank's, which is slower and measured worse."""
+
+REFLEX_FROM_S: Final = 0.095
+"""After a muscle is stretched its reflex begins to turn the ankle."""
 
 _HALF_S: Final = 0.06
 _STOP_WEIGHT: Final = 1e-3
@@ -52,7 +56,9 @@ class AnkleMotion:
 
     `plate`, `shank` (3, n, 2): angle, rate and acceleration about Z and X; `all_rates` (N, 2) the plate's rates at all
     samples of the trial; `moment` (n, 2): M_A of (1) about Z and X minus what the expected bodies need;
-    `body_columns` (n, 2, 10) of one standard deviation each of π; `lever_columns` (n, 2, 3) of δr.
+    `body_columns` (n, 2, 10) of one standard deviation each of π; `lever_columns` (n, 2, 3) of δr;
+    `gain_columns` and `delay_columns` (n, 2) of the wrench's gain and of its delay beyond the one stated, which is
+    taken out.
     """
 
     rows: IntArray
@@ -62,6 +68,8 @@ class AnkleMotion:
     moment: FloatArray
     body_columns: FloatArray
     lever_columns: FloatArray
+    gain_columns: FloatArray
+    delay_columns: FloatArray
 
 
 def bodies_of(settings: TrialSettings) -> Bodies:
@@ -81,14 +89,22 @@ def motion_of(trial: AnkleTrial, bodies: Bodies) -> AnkleMotion:
         shank[:, own] = smooth_derivatives(trial.shank_rad[own], settings.rate_hz, SHANK_BAND_HZ)
     rows = np.flatnonzero(in_flat_foot(trial))
     all_rates = plate[1]
-    plate, shank, wrench = plate[:, rows], shank[:, rows], trial.wrench[rows]
     A = np.array(settings.ankle.in_plate_m)
+    instruments = settings.instruments
+    all_wrench, measured_rate = np.empty_like(trial.wrench), np.empty((len(trial.t_s), 2))
+    axes = [2, 0]
+    for cycle in range(len(trial.perturbation)):
+        own = trial.rows_of(cycle)
+        later, rate = _later(trial, cycle)
+        all_wrench[own] = trial.wrench[own] + later
+        measured_rate[own] = (rate[:, 3:] - np.cross(A, rate[:, :3]))[:, axes]
+    plate, shank, wrench = plate[:, rows], shank[:, rows], all_wrench[rows]
     Y = regressor(*_motion_of_A(plate, settings.joint_to_surface_m, A))
     need = Y @ (bodies.plate + bodies.foot)
     moment = wrench[:, 3:] - np.cross(A, wrench[:, :3]) - need[:, 3:]
     f_shank = need[:, :3] - wrench[:, :3]
     levers = -np.cross(np.eye(3)[:, None], f_shank).transpose(1, 2, 0)  # −e × f_shank, (n, axis, e)
-    axes = [2, 0]
+    whole = wrench[:, 3:] - np.cross(A, wrench[:, :3])
     return AnkleMotion(
         rows=rows,
         plate=plate,
@@ -97,7 +113,28 @@ def motion_of(trial: AnkleTrial, bodies: Bodies) -> AnkleMotion:
         moment=moment[:, axes],
         body_columns=(Y @ bodies.root)[:, 3:][:, axes],
         lever_columns=settings.ankle.deviation_m * levers[:, axes],
+        gain_columns=instruments.gain_deviation_share * whole[:, axes],
+        delay_columns=-instruments.delay_deviation_s * measured_rate[rows],
     )
+
+
+def _later(trial: AnkleTrial, cycle: int) -> tuple[FloatArray, FloatArray]:
+    """Return by what a cycle's wrench (n, 6) differs the stated delay later, and its rate (n, 6), both smooth.
+
+    Of a ramp's cycle nothing from the reflex on reaches before it.
+    """
+    own = trial.rows_of(cycle)
+    t_s, wrench = trial.t_s[own], trial.wrench[own]
+    ramp = trial.perturbation[cycle] is Perturbation.RAMP
+    reflex_s = trial.onset_s[cycle] + REFLEX_FROM_S if ramp else np.inf
+    later, rate = np.zeros_like(wrench), np.zeros_like(wrench)
+    cut = int(np.searchsorted(t_s, reflex_s))
+    for part in (slice(0, cut), slice(cut, len(t_s))):
+        if part.stop - part.start > 3:
+            slow, rate[part], _ = smooth_derivatives(wrench[part], trial.settings.rate_hz, PLATE_BAND_HZ)
+            at_s = np.clip(t_s[part] + trial.settings.instruments.delay_s, t_s[part][0], t_s[part][-1])
+            later[part] = CubicSpline(t_s[part], slow)(at_s) - slow
+    return later, rate
 
 
 def smooth_derivatives(values: FloatArray, rate_hz: float, band_hz: tuple[float, float]) -> FloatArray:

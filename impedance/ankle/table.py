@@ -1,7 +1,8 @@
 """`ankle_impedance.toml`: the ankle's impedance over stance for one slope and one manoeuvre, what a prosthesis can use.
 
 Values stand with their 95 % intervals; where the interval holds zero the value is not identifiable: it is nan, and
-`not_identifiable` says what and where. The intervals stay, for they are what is known.
+`not_identifiable` says what and where. A whole curve is refused likewise where its intervals are, on average over
+stance, wider than a controller can use. The intervals stay, for they are what is known.
 """
 
 from collections.abc import Iterator
@@ -25,10 +26,18 @@ _HEADING: Final = """\
 # Dorsi-plantarflexion is about Z of the plate, inversion-eversion about X.
 """
 _CURVES: Final = ("stiffness_nm_per_rad", "damping_nms_per_rad")
+_SET_POINTS: Final = ("mean_moment_nm", "equilibrium_rad")
+MOST_HALF_SHARE: Final = {"stiffness": 0.10, "damping": 0.20}
+"""Half of a 95 % interval over its value: mean errors of 4 and 8 %, which a controller may have, lie within."""
 
 
-class AxisTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One axis: lists as long as `stance_percent`, and the foot's moment of inertia about the ankle's axis."""
+class AxisTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """One axis: lists as long as `stance_percent`, and the foot's moment of inertia about the ankle's axis.
+
+    The quality of stiffness and damping is `…_half_share`: half of a 95 % interval over the value, on average.
+    `mean_moment_nm` is the unperturbed moment and `equilibrium_rad` the angle of foot against shank at which a spring
+    of this stiffness makes none, positive as the plate's angles are.
+    """
 
     stiffness_nm_per_rad: list[float]
     stiffness_nm_per_rad_low: list[float]
@@ -40,9 +49,17 @@ class AxisTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     foot_inertia_kgm2_low: float
     foot_inertia_kgm2_high: float
     not_identifiable: list[str]
+    stiffness_half_share: float | None = None
+    damping_half_share: float | None = None
+    mean_moment_nm: list[float] = msgspec.field(default_factory=list)
+    mean_moment_nm_low: list[float] = msgspec.field(default_factory=list)
+    mean_moment_nm_high: list[float] = msgspec.field(default_factory=list)
+    equilibrium_rad: list[float] = msgspec.field(default_factory=list)
+    equilibrium_rad_low: list[float] = msgspec.field(default_factory=list)
+    equilibrium_rad_high: list[float] = msgspec.field(default_factory=list)
 
 
-class AnkleTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class AnkleTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """What `ankle_impedance.toml` holds."""
 
     manoeuvre: Manoeuvre
@@ -53,6 +70,8 @@ class AnkleTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     stance_percent: list[float]
     dorsi_plantarflexion: AxisTable
     inversion_eversion: AxisTable
+    wrench_delay_s: float | None = None
+    wrench_delay_deviation_s: float | None = None
 
     def axes(self) -> tuple[AxisTable, AxisTable]:
         """Return both axes."""
@@ -71,6 +90,8 @@ def table_of(trial: AnkleTrial, found: AnkleImpedance) -> AnkleTable:
         stance_percent=(100.0 * found.stance).round(6).tolist(),
         dorsi_plantarflexion=first,
         inversion_eversion=second,
+        wrench_delay_s=found.delay_s,
+        wrench_delay_deviation_s=found.delay_deviation_s,
     )
 
 
@@ -90,8 +111,19 @@ def load_table(path: Path) -> AnkleTable:
 def _axis_table(axis: AxisImpedance, stance: FloatArray) -> AxisTable:
     reasons: list[str] = []
     shown: dict[str, list[float]] = {}
+    shares: dict[str, float] = {}
     for name, curve in zip(_CURVES, (axis.stiffness, axis.damping), strict=True):
         unknown = curve.low <= 0.0
+        quantity = name.split("_")[0]
+        share = float((NORMAL_95 * curve.deviation / np.abs(curve.value)).mean())
+        shares[quantity] = share
+        if share > MOST_HALF_SHARE[quantity]:
+            reasons.append(
+                f"{quantity} refused: its 95 % intervals are ±{100.0 * share:.0f} % on average over stance, allowed "
+                f"±{100.0 * MOST_HALF_SHARE[quantity]:.0f} %"
+            )
+            shown |= _shown(name, curve, np.ones(len(stance), dtype=np.bool_))
+            continue
         if unknown.any():
             percent = 100.0 * stance[unknown]
             reasons.append(f"{name} from {percent.min():.1f} to {percent.max():.1f} %: its interval holds zero")
@@ -100,12 +132,27 @@ def _axis_table(axis: AxisImpedance, stance: FloatArray) -> AxisTable:
     known = axis.inertia_kgm2 - half > 0.0
     if not known:
         reasons.append("foot_inertia_kgm2: its interval holds zero")
+    shown |= _shown("mean_moment_nm", axis.mean_moment, np.zeros(len(stance), dtype=np.bool_))
+    shown |= _shown("equilibrium_rad", axis.equilibrium, np.isnan(shown["stiffness_nm_per_rad"]))
     return AxisTable(
-        **shown,
+        stiffness_nm_per_rad=shown["stiffness_nm_per_rad"],
+        stiffness_nm_per_rad_low=shown["stiffness_nm_per_rad_low"],
+        stiffness_nm_per_rad_high=shown["stiffness_nm_per_rad_high"],
+        damping_nms_per_rad=shown["damping_nms_per_rad"],
+        damping_nms_per_rad_low=shown["damping_nms_per_rad_low"],
+        damping_nms_per_rad_high=shown["damping_nms_per_rad_high"],
         foot_inertia_kgm2=axis.inertia_kgm2 if known else np.nan,
         foot_inertia_kgm2_low=axis.inertia_kgm2 - half,
         foot_inertia_kgm2_high=axis.inertia_kgm2 + half,
         not_identifiable=reasons,
+        stiffness_half_share=shares["stiffness"],
+        damping_half_share=shares["damping"],
+        mean_moment_nm=shown["mean_moment_nm"],
+        mean_moment_nm_low=shown["mean_moment_nm_low"],
+        mean_moment_nm_high=shown["mean_moment_nm_high"],
+        equilibrium_rad=shown["equilibrium_rad"],
+        equilibrium_rad_low=shown["equilibrium_rad_low"],
+        equilibrium_rad_high=shown["equilibrium_rad_high"],
     )
 
 
@@ -137,3 +184,9 @@ def _problems(table: AnkleTable) -> Iterator[str]:
             elif np.any(value <= 0.0):
                 k = int(np.argmax(value <= 0.0))
                 yield f"{axis}.{name}[{k}] is {value[k]:.6g}, allowed above 0, or nan"
+        for name in _SET_POINTS:
+            value, low, high = (np.array(getattr(part, name + end)) for end in ("", "_low", "_high"))
+            if not len(value) == len(low) == len(high) or len(value) not in (0, len(stance)):
+                yield f"{axis}.{name} and its low and high must hold {len(stance)} values each, as stance_percent does"
+            elif np.any((value < low) | (value > high) | (low > high)):
+                yield f"{axis}.{name} must lie between its low and high, which must rise"

@@ -95,6 +95,18 @@ class BodyPrior(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     inertia_deviation_kgm2: tuple[Deviation, Deviation, Deviation, Deviation, Deviation, Deviation]
 
 
+class Instruments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What is known of the wrench's delay behind the motion, and one standard deviation of it and of the gain.
+
+    Where a spring or a weight of known inertia stood on the plate before, its identification tells the delay
+    (`force_delay`), to be put here with its deviation.
+    """
+
+    delay_s: Annotated[float, msgspec.Meta(ge=-0.02, le=0.02)] = 0.0
+    delay_deviation_s: Annotated[float, msgspec.Meta(ge=0.0, le=0.01)] = 0.001
+    gain_deviation_share: Annotated[float, msgspec.Meta(ge=0.0, le=0.5)] = 0.005
+
+
 class TrialSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What `trial.toml` holds."""
 
@@ -107,6 +119,7 @@ class TrialSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ankle: Ankle
     plate: BodyPrior
     foot: BodyPrior
+    instruments: Instruments = Instruments()
 
 
 @dataclass(frozen=True)
@@ -151,6 +164,13 @@ def load_trial(folder: Path) -> AnkleTrial:
     _check_samples(trial, rows[:, 0], cycles_path)
     _check_onsets(trial, events_path)
     return trial
+
+
+def check_trial(trial: AnkleTrial, path: Path) -> None:
+    """Raise UserError, beginning with `path`, for a trial that `load_trial` would refuse."""
+    _check_settings(trial.settings, path)
+    _check_samples(trial, trial.cycle.astype(np.float64) + 1.0, path)
+    _check_onsets(trial, path)
 
 
 def save_trial(folder: Path, trial: AnkleTrial) -> None:

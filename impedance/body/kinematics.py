@@ -24,15 +24,17 @@ class Kinematics:
         angles_rad: FloatArray,
         rates_radps: FloatArray,
         accelerations_radps2: FloatArray,
-        joint_to_surface_m: float,
+        lever_m: FloatArray,
     ) -> "Kinematics":
-        """Return the exact motion of the plate on its universal joint: (θ, φ) and their derivatives (n, 2)."""
+        """Return the exact motion of the plate on its universal joint: (θ, φ) and their derivatives (n, 2).
+
+        `lever_m` (3,) leads from the joint to P's origin, in P.
+        """
         no_psi = np.zeros((len(angles_rad), 1))
         euler, rate, second = (np.hstack((no_psi, each)) for each in (angles_rad, rates_radps, accelerations_radps2))
         w = geometry.angular_velocity(euler, rate)
         alpha = geometry.angular_acceleration(euler, rate, second)
-        r = np.array([0.0, joint_to_surface_m, 0.0])
-        a_O_P = np.cross(alpha, r) + np.cross(w, np.cross(w, r))
+        a_O_P = np.cross(alpha, lever_m) + np.cross(w, np.cross(w, lever_m))
         return cls(a_O_P, w, alpha, geometry.GRAVITY_I_MPS2 @ geometry.rotation_IP(*euler.T))
 
     @classmethod

@@ -72,15 +72,17 @@ class EivProblem:
 class EivFit:
     """The likeliest parameters (10,), the information (10, 10) about them by (4), and what is left.
 
-    `constant_response` (10, 6) is by what a constant wrench would move the parameters. `correction` (k, c) is the
-    spectrum of what the likeliest motion differs by; `misfit` (k, 6) is the whitened r of the band, complex, whose mean
-    square is 1 for each of real and imaginary part. `converged` tells that the last step was short.
+    `motion` (n, c) are the likeliest coordinates with two derivatives, `columns` (k, 6, 10) the whitened D, `whitener`
+    (k, 6, 6) what whitened it and `left` (k, 6) the r of (2) as it is. `misfit` (k, 6) is the whitened r of the band,
+    complex, whose mean square is 1 for each of real and imaginary part. `converged` tells that the last step was short.
     """
 
     vector: FloatArray
     information: FloatArray
-    constant_response: FloatArray
-    correction: ComplexArray
+    motion: tuple[FloatArray, FloatArray, FloatArray]
+    columns: ComplexArray
+    whitener: FloatArray
+    left: ComplexArray
     misfit: ComplexArray
     steps: int
     converged: bool
@@ -89,6 +91,16 @@ class EivFit:
     def chi2_ratio(self) -> float:
         """Return the mean square of the misfit: 1 if model and noise are as declared."""
         return float(np.mean(np.abs(self.misfit) ** 2) / 2.0)
+
+    def whitened(self, problem: EivProblem, spectra: Spectra, wrenches: FloatArray) -> ComplexArray:
+        """Return what wrenches (n, 6, s) in P add to the whitened r: (k, 6, s)."""
+        cog_m = self.vector[1:4] / max(self.vector[0], _LEAST_KG)
+        weighed = problem.noise.mechanism.weighed(self.motion[0], wrenches, cog_m)
+        return self.whitener @ _transformed(spectra, weighed)
+
+    def response(self, whitened: ComplexArray) -> FloatArray:
+        """Return by how much (10, s) the parameters move with what adds (k, 6, s) to the whitened r."""
+        return solved(product(self.columns, self.columns), product(self.columns, whitened))
 
 
 def fit(problem: EivProblem, spectra: Spectra, start: FloatArray | None = None) -> EivFit:
@@ -103,7 +115,8 @@ def fit(problem: EivProblem, spectra: Spectra, start: FloatArray | None = None) 
         steps += 1
         cog_m = vector[1:4] / max(vector[0], _LEAST_KG)
         likeliest = spectra.kept[:, None] * (measured + correction)
-        D, q = columns_of(problem, spectra, spectra.derivatives(mean, likeliest), cog_m)
+        motion = spectra.derivatives(mean, likeliest)
+        D, q = columns_of(problem, spectra, motion, cog_m)
         z = spectra.equations(mechanism.weighed(q, problem.wrench[:, :, None], cog_m)[:, :, 0])
         M = mechanism.level_weighing(cog_m)
 
@@ -121,11 +134,9 @@ def fit(problem: EivProblem, spectra: Spectra, start: FloatArray | None = None) 
         correction = _times(gain, r)
         converged = bool(step @ information @ step < _SETTLED)
     true_information = _less(information, _noise_information(noise, spectra, vector, M))
-    constant = _transformed(spectra, mechanism.weighed(q, _each(len(q)), cog_m))
-    response = solved(information, product(whitener @ D, whitener @ constant))
     counted, in_band = spectra.counted_s * spectra.rate_hz, spectra.share > 0.0
     misfit = _times(whitener, r)[in_band] * np.sqrt(2.0 / (spectra.share[in_band] * counted))[:, None]
-    return EivFit(vector, true_information, response, correction, misfit, steps, converged)
+    return EivFit(vector, true_information, motion, whitener @ D, whitener, r, misfit, steps, converged)
 
 
 def columns_of(
@@ -188,7 +199,3 @@ def _less(information: FloatArray, pretended: FloatArray) -> FloatArray:
 def _times(matrices: FloatArray, vectors: ComplexArray) -> ComplexArray:
     product: ComplexArray = (matrices @ vectors[:, :, None])[:, :, 0]
     return product
-
-
-def _each(n: int) -> FloatArray:
-    return np.broadcast_to(np.eye(6), (n, 6, 6))

@@ -56,19 +56,34 @@ class Mechanism(ABC):
 
 @dataclass(frozen=True)
 class UniversalJoint(Mechanism):
-    """q = (θ, φ): ψ = 0 and p_IP_I = R (0, L, 0), L = `joint_to_surface_m`."""
+    """q = (θ, φ): ψ = 0 and p_IP_I = c + R (x, L, z), L = `joint_to_surface_m`.
+
+    `beside_m` (x, z) is P's origin beside the joint, in P, and `centre_m` c is where the joint stands in I.
+    """
 
     joint_to_surface_m: float
+    beside_m: tuple[float, float] = (0.0, 0.0)
+    centre_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def lever_m(self) -> FloatArray:
+        """Return P's origin from the joint (3,), in P."""
+        return np.array([self.beside_m[0], self.joint_to_surface_m, self.beside_m[1]])
+
+    def moved(self, by_m: FloatArray) -> "UniversalJoint":
+        """Return the joint whose lever is longer by (3,)."""
+        x, y, z = (float(value) for value in self.lever_m + by_m)
+        return UniversalJoint(y, (x, z), self.centre_m)
 
     @property
     def C(self) -> FloatArray:  # type: ignore[override]
-        """(6, 2): a small θ carries O_P by −L along x, a small φ by +L along z."""
-        L = self.joint_to_surface_m
-        return np.array([[-L, 0.0], [0.0, 0.0], [0.0, L], [0.0, 1.0], [0.0, 0.0], [1.0, 0.0]])
+        """(6, 2): a small θ turns about z, a small φ about x, and either carries O_P on its lever."""
+        turns = np.array([[0.0, 1.0], [0.0, 0.0], [1.0, 0.0]])
+        return np.vstack((np.cross(turns.T, self.lever_m).T, turns))
 
     def kinematics(self, q: FloatArray, rate: FloatArray, acceleration: FloatArray) -> Kinematics:
         """Return the motion of P about the joint."""
-        return Kinematics.on_joint(q, rate, acceleration, self.joint_to_surface_m)
+        return Kinematics.on_joint(q, rate, acceleration, self.lever_m)
 
     def weighed(self, q: FloatArray, wrench: FloatArray, cog_m: FloatArray) -> FloatArray:  # noqa: ARG002 - (1) asks neither
         """Return (1): the wrench as it is."""

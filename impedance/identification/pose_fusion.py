@@ -6,7 +6,13 @@ With C (6, c) of mechanism, a marker frame at r in P (0 for P itself, the mounti
     q̂ = q0 + (Jᵀ W J)⁻¹ Jᵀ W (y − y(q0)),   Σ_q = (Jᵀ W J)⁻¹                                                       (2)
 
 J stacks (1) over the frames and W is the inverse of the noise's covariance. y(q0) is exact; the slope at level is
-enough, for q0 is off by noise alone. What (2) leaves is χ² distributed if the joint is what it is said to be.
+enough, for q0 is off by noise alone.
+
+Where the joint is, the swing tells: with r from the joint to P's origin in P and the joint at c in I,
+
+    p_IP_I = c + R r + noise,   r̂ = (Σ ΔRᵀ ΔR)⁻¹ Σ ΔRᵀ Δp,   Δ: less the mean                                       (3)
+
+A mean alone tells c + r and not which of the two it is. What (3) and ψ = 0 leave is χ² distributed if there is a joint.
 """
 
 from dataclasses import dataclass
@@ -20,6 +26,8 @@ from messages.arrays import FloatArray
 _EULER_OF_TURN = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """(ψ, θ, φ) of a small rotation about x, y, z."""
 _REFUTED = 5.0
+_FARTHEST_M = 0.1
+"""No joint is farther from where it is said to be: what the swing about one axis alone does not tell stays bounded."""
 
 
 @dataclass(frozen=True)
@@ -33,27 +41,40 @@ class MarkerFrame:
 
 @dataclass(frozen=True)
 class JointTest:
-    """How far the markers are from the joint, beyond their noise.
+    """Where the markers see the joint, and how far they are from any joint, beyond their noise.
 
-    `mean_m`, `mean_rad` (3,): constant offsets of the first frame's position and Euler angles; `rms_m`, `rms_rad` (3,)
-    what varies; `height_m` ± `height_deviation_m` is the joint's distance below the surface by which the positions
-    swing; `sigmas` is how many standard deviations the sum of squares of what varies lies above its expectation, and
-    `height_sigmas` how many the height lies from the one stated.
+    `seen_m` (3,) is P's origin from the joint, in P, by (3) alone, with standard deviations `seen_deviation_m` (3,);
+    `seen_sigmas` (3,) is how many of them lie between it and what is stated, and `stated_sigmas` (3,) how many if the
+    stated place is as uncertain as it says. `lever_m` (3,) with covariance `lever_cov_m2` (3, 3) joins both.
+    `centre_m` (3,) is the joint in I. `sigmas` is how many standard deviations the sum of squares of what is left lies
+    above its expectation.
     """
 
-    mean_m: FloatArray
-    mean_rad: FloatArray
-    rms_m: FloatArray
-    rms_rad: FloatArray
-    height_m: float
-    height_deviation_m: float
+    seen_m: FloatArray
+    seen_deviation_m: FloatArray
+    seen_sigmas: FloatArray
+    stated_sigmas: FloatArray
+    lever_m: FloatArray
+    lever_cov_m2: FloatArray
+    centre_m: FloatArray
     sigmas: float
-    height_sigmas: float
 
     @property
     def holds(self) -> bool:
-        """Tell whether positions and yaw move as the joint at its stated height lets them, within five deviations."""
-        return self.sigmas < _REFUTED and self.height_sigmas < _REFUTED
+        """Tell whether the plate swings about one point, and that point lies where it is said to, five deviations."""
+        return self.sigmas < _REFUTED and float(self.stated_sigmas.max()) < _REFUTED
+
+    @property
+    def elsewhere(self) -> bool:
+        """Tell whether the markers see the joint elsewhere than stated, by five of their own deviations."""
+        return float(self.seen_sigmas.max()) > _REFUTED
+
+    @property
+    def joint(self) -> UniversalJoint:
+        """Return the joint where markers and statement together see it."""
+        x, y, z = (float(value) for value in self.lever_m)
+        a, b, c = (float(value) for value in self.centre_m)
+        return UniversalJoint(y, (x, z), (a, b, c))
 
 
 def fused(
@@ -68,30 +89,42 @@ def fused(
     return q + left @ (cov @ (J.T * weight)).T, cov
 
 
-def joint_test(joint: UniversalJoint, frame: MarkerFrame, position_std_m: float, angle_std_rad: float) -> JointTest:
-    """Return how well `frame`, fixed to P's origin, keeps to the joint."""
-    q, _ = fused(joint, [frame], position_std_m, angle_std_rad)
-    left = _left(joint, frame, q)
-    mean = left.mean(axis=0)
-    varying = left - mean
-    up_I = geometry.rotation_IP(np.zeros(len(q)), q[:, 0], q[:, 1])[:, :, 1]
-    swing = up_I - up_I.mean(axis=0)
-    reach = float((swing**2).sum())
-    squares = (
-        float((varying[:, :3] ** 2).sum()) / position_std_m**2 + float((varying[:, 3] ** 2).sum()) / angle_std_rad**2
-    )
-    freedom = 4 * (len(q) - 1)
-    lower_m = float((swing * varying[:, :3]).sum()) / reach
-    deviation_m = position_std_m / float(np.sqrt(reach))
+def joint_test(
+    joint: UniversalJoint,
+    joint_std_m: float,
+    frame: MarkerFrame,
+    position_std_m: float,
+    angle_std_rad: float,
+    noise_share: float = 0.0,
+) -> JointTest:
+    """Return where the markers of `frame`, fixed to P's origin, see the joint stated at `joint` ± `joint_std_m`.
+
+    `noise_share` is by what share the power of the noise is unsure.
+    """
+    R_IP = geometry.rotation_IP(*frame.euler_rad.T)
+    swing, stated_m = R_IP - R_IP.mean(axis=0), joint.lever_m
+    moved = frame.p_m - frame.p_m.mean(axis=0) - swing @ stated_m
+    information = np.einsum("nij,nik->jk", swing, swing) / position_std_m**2
+    pull = np.einsum("nij,ni->j", swing, moved) / position_std_m**2
+    alone = np.linalg.inv(information + np.eye(3) / _FARTHEST_M**2)
+    seen_m, deviation_m = alone @ pull, np.sqrt(np.diag(alone))
+    lever_m, cov_m2 = np.zeros(3), np.zeros((3, 3))
+    if joint_std_m > 0.0:
+        cov_m2 = np.linalg.inv(information + np.eye(3) / joint_std_m**2)
+        lever_m = cov_m2 @ pull
+    left = moved - swing @ (lever_m if joint_std_m > 0.0 else seen_m)
+    yaw = frame.euler_rad[:, 0] - frame.euler_rad[:, 0].mean()
+    squares = float((left**2).sum()) / position_std_m**2 + float(yaw @ yaw) / angle_std_rad**2
+    freedom = 4 * (len(left) - 1)
     return JointTest(
-        mean_m=mean[:3],
-        mean_rad=mean[3:],
-        rms_m=np.sqrt((varying[:, :3] ** 2).mean(axis=0)),
-        rms_rad=np.sqrt((varying[:, 3:] ** 2).mean(axis=0)),
-        height_m=joint.joint_to_surface_m + lower_m,
-        height_deviation_m=deviation_m,
-        sigmas=(squares - freedom) / float(np.sqrt(2.0 * freedom)),
-        height_sigmas=abs(lower_m) / deviation_m,
+        seen_m=stated_m + seen_m,
+        seen_deviation_m=deviation_m,
+        seen_sigmas=np.abs(seen_m) / deviation_m,
+        stated_sigmas=np.abs(seen_m) / np.hypot(deviation_m, joint_std_m),
+        lever_m=stated_m + lever_m,
+        lever_cov_m2=cov_m2,
+        centre_m=frame.p_m.mean(axis=0) - R_IP.mean(axis=0) @ (stated_m + lever_m),
+        sigmas=(squares - freedom) / float(np.hypot(np.sqrt(2.0 * freedom), noise_share * freedom)),
     )
 
 
@@ -114,7 +147,7 @@ def _left(mechanism: Mechanism, frame: MarkerFrame, q: FloatArray) -> FloatArray
     """Return y − y(q) (n, 6) of (1)."""
     if isinstance(mechanism, UniversalJoint):
         euler = np.hstack((np.zeros((len(q), 1)), q))
-        p_m, lever = np.zeros(3), frame.lever_m + np.array([0.0, mechanism.joint_to_surface_m, 0.0])
+        p_m, lever = np.array(mechanism.centre_m), frame.lever_m + mechanism.lever_m
     else:
         euler, p_m, lever = q[:, 3:], q[:, :3], frame.lever_m
     expected_m = p_m + geometry.rotation_IP(*euler.T) @ lever

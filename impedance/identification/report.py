@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from impedance.identification import checks
 from impedance.identification.identification import Identification
 from impedance.identification.observability import NAMES
 from messages.arrays import FloatArray
@@ -35,7 +36,7 @@ def parameter_rows(found: Identification) -> list[list[str]]:
     for k, name in enumerate(NAMES):
         low, high = found.interval[k] * SHOWN_SCALE[k]
         value = found.estimate[k] * SHOWN_SCALE[k]
-        digits = _digits(0.5 * (high - low))
+        digits = checks.digits_of(0.5 * (high - low))
         if found.observability.identifiable[k]:
             rows.append([name, f"{value:.{digits}f}", f"{low:.{digits}f} … {high:.{digits}f}", SHOWN_UNITS[k]])
         else:
@@ -43,14 +44,18 @@ def parameter_rows(found: Identification) -> list[list[str]]:
     return rows
 
 
+def check_rows(found: Identification) -> list[list[str]]:
+    """Return what the misfit and the markers say of the instruments, as text."""
+    return checks.rows(found.checked, found.test, found.stated.joint_m)
+
+
 def remarks(found: Identification) -> list[str]:
     """Return what a person must know beside the table, one line each."""
     test, observable = found.test, found.observability
     lines = [
         f"{'with' if found.constrained else 'without'} the joint's constraint; the markers "
-        f"{'agree with' if test.holds else 'refute'} the joint ({test.sigmas:+.1f} standard deviations) and see it "
-        f"{1e3 * test.height_m:.2f} ± {1e3 * NORMAL_95 * test.height_deviation_m:.2f} mm below the surface",
-        f"what is left is {found.fit.chi2_ratio:.3f} times the noise's power, over {found.spectra.counted_s:.1f} s",
+        f"{'agree with' if test.holds else 'refute'} the joint ({test.sigmas:+.1f} standard deviations)",
+        f"what is left is {found.chi2_left:.3f} times the noise's power, over {found.spectra.counted_s:.1f} s",
         f"singular values, greatest to least: {' '.join(f'{value:.3g}' for value in _relative(found))}",
         f"least known direction: {observable.null_words}",
     ]
@@ -75,6 +80,7 @@ def facts(found: Identification) -> dict[str, object]:
                 "estimate": float(found.estimate[k]) if found.observability.identifiable[k] else math.nan,
                 "interval_95": found.interval[k].tolist(),
                 "deviation": float(found.observability.deviation[k]),
+                "deviation_of_noise": float(found.noise_deviation[k]),
                 "identifiable": bool(found.observability.identifiable[k]),
             }
             for k, name in enumerate(NAMES)
@@ -83,9 +89,9 @@ def facts(found: Identification) -> dict[str, object]:
         "null_direction": dict(zip(NAMES, null.tolist(), strict=True)),
         "boundary": None if found.boundary is None else found.boundary.words,
         "pull_chi2": found.pull_chi2,
-        "chi2_ratio": found.fit.chi2_ratio,
+        "chi2_ratio": found.chi2_left,
         "joint_sigmas": found.test.sigmas,
-        "joint_height_m": found.test.height_m,
+        "checks": checks.facts(found.checked, found.test),
         "notes": list(found.notes),
     }
 
@@ -102,7 +108,11 @@ def write_report(found: Identification, folder: Path, files: Sequence[Path] = ()
         drawing("What the recording tells", partial(_draw_intervals, found), 2.4),
         drawing("Misfit over frequency", partial(_draw_misfit, found), 2.4),
     )
-    sections = (Section("Ten parameters", remarks(found), table, drawings),)
+    instruments = Table("as markers and misfit see them", checks.HEADING, check_rows(found))
+    sections = (
+        Section("Instruments", (), instruments),
+        Section("Ten parameters", remarks(found), table, drawings),
+    )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -137,10 +147,3 @@ def _draw_misfit(found: Identification, axes: "Axes") -> None:
 def _relative(found: Identification) -> FloatArray:
     values: FloatArray = found.observability.singular_values / found.observability.singular_values[0]
     return values
-
-
-def _digits(half: float) -> int:
-    """Return the decimals that show two digits of an interval's half."""
-    if not math.isfinite(half) or half <= 0.0:
-        return 3
-    return int(np.clip(1 - math.floor(math.log10(half)), 0, 6))

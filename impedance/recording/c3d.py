@@ -21,7 +21,8 @@ from msgspec import Meta
 
 from impedance.body import geometry
 from impedance.body.rigid_body import wrench_transform
-from impedance.recording.c3d_file import Channels, read_contents
+from impedance.recording.c3d_file import C3dContents, Channels, read_contents
+from impedance.recording.c3d_platform import platform_of
 from impedance.recording.check import Stream
 from impedance.recording.plain_files import read_toml
 from impedance.recording.recording import (
@@ -30,7 +31,6 @@ from impedance.recording.recording import (
     PLATE_COLUMNS,
     WRENCH_COLUMNS,
     PlatformRecording,
-    PlatformSettings,
     Triple,
     settings_of,
 )
@@ -39,8 +39,21 @@ from messages.checked import checked
 from messages.errors import UserError
 from messages.text_files import check_sizes
 
-_LENGTHS_M: Final = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-_MOMENTS_NM: Final = {"Nm": 1.0, "N.m": 1.0, "N*m": 1.0, "Nmm": 0.001, "N.mm": 0.001, "N*mm": 0.001}
+_LENGTHS_M: Final = {
+    "m": 1.0,
+    "cm": 0.01,
+    "mm": 0.001,
+    **{
+        f"{prefix}met{end}": size
+        for prefix, size in (("", 1.0), ("centi", 0.01), ("milli", 0.001))
+        for end in ("er", "ers", "re", "res")
+    },
+}
+_FORCES_N: Final = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3, "kilonewton": 1e3, "kilonewtons": 1e3}
+_MOMENTS_NM: Final = {
+    force + length: newtons * metres for force, newtons in _FORCES_N.items() for length, metres in _LENGTHS_M.items()
+}
+_BETWEEN: Final = str.maketrans("", "", " .*·-_")
 _LEAST_SPREAD: Final = 1e-3
 _AXES: Final = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
 
@@ -51,7 +64,9 @@ Axes = tuple[AxisName, AxisName, AxisName]
 class C3dLayout(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What a C3D file leaves open.
 
-    `plate_markers`, `foot_markers`: labels and positions in P and F. `channels`: the labels of fx, fy, fz, mx, my, mz.
+    `plate_markers`, `foot_markers`: labels and positions in P and F. `channels`: the labels of fx, fy, fz, mx, my, mz;
+    or `force_platform`, from 1: that of the file's own group FORCE_PLATFORM, whose corners are those of the level plate
+    at rest, and then neither `sensor_axes` nor `sensor_in_plate_m` counts.
     `lab_axes`: the laboratory's axes that point along I's X, Y, Z, such as ["y", "z", "x"] where Z is up;
     `joint_in_lab_m` is I's origin there. `sensor_axes`: the sensor's axes along P's X, Y, Z; `sensor_in_plate_m` is
     the point of P about which its moments are. `reaction`: the channels hold what plate and foot exert on the sensor,
@@ -59,7 +74,8 @@ class C3dLayout(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """
 
     plate_markers: dict[str, Triple]
-    channels: tuple[str, str, str, str, str, str]
+    channels: tuple[str, str, str, str, str, str] | None = None
+    force_platform: Annotated[int, Meta(ge=1, le=100)] | None = None
     foot_markers: dict[str, Triple] = msgspec.field(default_factory=dict)
     lab_axes: Axes = ("x", "y", "z")
     joint_in_lab_m: Triple = (0.0, 0.0, 0.0)
@@ -80,14 +96,16 @@ def read_c3d(path: Path, layout_path: Path) -> PlatformRecording:
     check_sizes(document["c3d"], LARGEST_SETTING, f"{layout_path}: c3d")
     layout = checked(document["c3d"], C3dLayout, f"{layout_path}: c3d")
     settings = settings_of({key: value for key, value in document.items() if key != "c3d"}, str(layout_path))
-    _check_layout(layout, settings, str(layout_path))
-    points, analogs = read_contents(path)
-    motion = [_poses(path, points, layout.plate_markers, layout)]
+    present = ("plate_markers", "foot_markers") if settings.foot.present else ("plate_markers",)
+    check_markers(layout, present, str(layout_path))
+    points, analogs, platforms, _ = read_contents(path)
+    motion = [poses_of(path, points, layout.plate_markers, layout)]
     if settings.foot.present:
-        motion.append(_poses(path, points, layout.foot_markers, layout))
+        motion.append(poses_of(path, points, layout.foot_markers, layout))
     columns = (*PLATE_COLUMNS, *FOOT_COLUMNS) if settings.foot.present else PLATE_COLUMNS
-    wrench = _wrench(path, analogs, layout)
-    motion_s, force_s = _times_s(path, points, "POINT"), _times_s(path, analogs, "ANALOG")
+    L_m = settings.plate.joint_to_surface_m
+    wrench = wrench_of(path, C3dContents(points, analogs, platforms, ()), layout, L_m)
+    motion_s, force_s = times_s(path, points, "POINT"), times_s(path, analogs, "ANALOG")
     return PlatformRecording.from_streams(
         settings,
         Stream(str(path), columns, motion_s, np.hstack(motion)),
@@ -113,29 +131,62 @@ def pose_of_markers(seen_m: FloatArray, places_m: FloatArray) -> tuple[FloatArra
     return p_IB, R
 
 
-def _poses(path: Path, points: Channels, markers: Mapping[str, Triple], layout: C3dLayout) -> FloatArray:
-    unit = points.units[0] if points.units else ""
-    if unit not in _LENGTHS_M:
-        raise UserError(f"{path}: POINT:UNITS is {unit!r}, allowed {', '.join(_LENGTHS_M)}")
+def poses_of(path: Path, points: Channels, markers: Mapping[str, Triple], layout: C3dLayout) -> FloatArray:
+    """Return position and Euler angles (n, 6) in I of the frame that `markers` sit on; raises UserError."""
     places = _places(path, points, markers, "marker")
-    seen_lab = points.values[:, places].transpose(2, 1, 0) * _LENGTHS_M[unit]
+    seen_lab = points.values[:, places].transpose(2, 1, 0) * _length_m(path, points)
     seen_I = (seen_lab - np.array(layout.joint_in_lab_m)) @ _rotation(layout.lab_axes).T
     p_m, R = pose_of_markers(seen_I, np.array(list(markers.values())))
     return np.hstack((p_m, geometry.euler_of(R)))
 
 
-def _wrench(path: Path, analogs: Channels, layout: C3dLayout) -> FloatArray:
-    places = _places(path, analogs, layout.channels, "channel")
-    channels = analogs.values[0][places].T.copy()
-    for column, place in enumerate(places):
-        allowed = {"N": 1.0} if column < 3 else _MOMENTS_NM
+def wrench_of(path: Path, contents: C3dContents, layout: C3dLayout, joint_to_surface_m: float) -> FloatArray:
+    """Return the wrench (n, 6) in P about its origin, of named channels or the file's platform; raises UserError."""
+    analogs = contents.analogs
+    if layout.channels is not None:
+        places = _places(path, analogs, layout.channels, "channel")
+        channels = _scaled(path, analogs, places, (_FORCES_N,) * 3 + (_MOMENTS_NM,) * 3)
+        X = wrench_transform(_rotation(layout.sensor_axes), np.array(layout.sensor_in_plate_m))
+    else:
+        length_m = _length_m(path, contents.points)
+        platform = platform_of(path, contents.platforms, layout.force_platform or 1, length_m)
+        if max(platform.channels) >= analogs.values.shape[1] or min(platform.channels) < 0:
+            raise UserError(
+                f"{path}: FORCE_PLATFORM:CHANNEL names channel {max(platform.channels) + 1}, the file holds "
+                f"{analogs.values.shape[1]}"
+            )
+        if platform.matrix is None:
+            units = (_FORCES_N,) * 8 if platform.kind == 3 else (_FORCES_N,) * 3 + (_MOMENTS_NM,) * 3
+            raw = _scaled(path, analogs, list(platform.channels), units)
+        else:
+            raw = analogs.values[0][list(platform.channels)].T
+        channels = platform.wrench(raw, length_m)
+        R_IL = _rotation(layout.lab_axes)
+        centre_I = R_IL @ (platform.centre_m - np.array(layout.joint_in_lab_m))
+        X = wrench_transform(R_IL @ platform.axes.T, centre_I - np.array([0.0, joint_to_surface_m, 0.0]))
+    return np.asarray((-1.0 if layout.reaction else 1.0) * channels @ X.T, dtype=np.float64)
+
+
+def _scaled(path: Path, analogs: Channels, places: list[int], units: tuple[Mapping[str, float], ...]) -> FloatArray:
+    """Return channels (n, c) in N and N·m."""
+    channels: FloatArray = analogs.values[0][places].T.copy()
+    for column, (place, allowed) in enumerate(zip(places, units, strict=True)):
         unit = analogs.units[place] if place < len(analogs.units) else ""
-        if unit not in allowed:
-            raise UserError(f"{path}: channel {analogs.labels[place]} is in {unit!r}, allowed {', '.join(allowed)}")
-        channels[:, column] *= allowed[unit]
-    X = wrench_transform(_rotation(layout.sensor_axes), np.array(layout.sensor_in_plate_m))
-    wrench: FloatArray = (-1.0 if layout.reaction else 1.0) * channels @ X.T
-    return wrench
+        size = allowed.get(unit.translate(_BETWEEN).lower())
+        if size is None:
+            known = "N, kN, newtons" if allowed is _FORCES_N else "N m, N mm, newton-meters"
+            raise UserError(f"{path}: channel {analogs.labels[place]} is in {unit!r}, allowed {known} and the like")
+        channels[:, column] *= size
+    return channels
+
+
+def _length_m(path: Path, points: Channels) -> float:
+    """Return the file's unit of length."""
+    unit = points.units[0] if points.units else ""
+    size = _LENGTHS_M.get(unit.translate(_BETWEEN).lower())
+    if size is None:
+        raise UserError(f"{path}: POINT:UNITS is {unit!r}, allowed m, cm, mm, meters and the like")
+    return size
 
 
 def _places(path: Path, channels: Channels, wanted: Mapping[str, Triple] | tuple[str, ...], what: str) -> list[int]:
@@ -143,10 +194,13 @@ def _places(path: Path, channels: Channels, wanted: Mapping[str, Triple] | tuple
     for name in wanted:
         if name not in labels:
             raise UserError(f"{path}: {what} {name} is missing; it holds {', '.join(labels) or 'none'}")
+        if labels.count(name) > 1:
+            raise UserError(f"{path}: {what} {name} is there {labels.count(name)} times: which one counts is not told")
     return [labels.index(name) for name in wanted]
 
 
-def _times_s(path: Path, channels: Channels, group: str) -> FloatArray:
+def times_s(path: Path, channels: Channels, group: str) -> FloatArray:
+    """Return the times (n,) of a file's samples from its first one; raises UserError where the rate is not told."""
     rate_hz = channels.rate_hz
     if rate_hz is None:
         raise UserError(f"{path}: has no {group}:RATE")
@@ -155,14 +209,17 @@ def _times_s(path: Path, channels: Channels, group: str) -> FloatArray:
     return np.arange(channels.values.shape[2]) / rate_hz
 
 
-def _check_layout(layout: C3dLayout, settings: PlatformSettings, where: str) -> None:
+def check_markers(layout: C3dLayout, fields: tuple[str, ...], where: str) -> None:
+    """Raise UserError where the layout's axes, its source of the wrench or the markers of `fields` cannot be."""
+    if (layout.channels is None) == (layout.force_platform is None):
+        raise UserError(f"{where}: c3d.channels or c3d.force_platform: one of the two is needed")
     for field in ("lab_axes", "sensor_axes"):
         R = _rotation(getattr(layout, field))
         if abs(np.linalg.det(R) - 1.0) > 0.5:
             raise UserError(f"{where}: c3d.{field}: three right-handed axes are needed, such as y, z, x")
-    for field, needed in (("plate_markers", True), ("foot_markers", settings.foot.present)):
+    for field in fields:
         places = np.array(list(getattr(layout, field).values())).reshape(-1, 3)
-        if needed and (len(places) < 3 or np.linalg.svd(places - places.mean(axis=0))[1][1] < _LEAST_SPREAD):
+        if len(places) < 3 or np.linalg.svd(places - places.mean(axis=0))[1][1] < _LEAST_SPREAD:
             raise UserError(f"{where}: c3d.{field}: three markers or more that are not in line are needed")
 
 

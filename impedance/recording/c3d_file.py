@@ -39,11 +39,24 @@ class Channels(NamedTuple):
     values: FloatArray
 
 
+class Event(NamedTuple):
+    """What happened at `t_s` from the first sample on, by its label and context, such as Foot Strike and Right."""
+
+    label: str
+    context: str
+    t_s: float
+
+
 class C3dContents(NamedTuple):
-    """The markers' coordinates, in the file's unit, and the analog channels; k is 3 and 1."""
+    """The markers' coordinates, in the file's unit, and the analog channels; k is 3 and 1.
+
+    `platforms` is group FORCE_PLATFORM as it stands, `events` are group EVENT's, by time.
+    """
 
     points: Channels
     analogs: Channels
+    platforms: dict[str, FloatArray]
+    events: tuple[Event, ...]
 
 
 class _Sent(msgspec.Struct):
@@ -54,6 +67,18 @@ class _Sent(msgspec.Struct):
     rate_hz: float | None
     shape: tuple[int, int, int]
     values: bytes
+
+
+class _SentArray(msgspec.Struct):
+    shape: tuple[int, ...]
+    values: bytes
+
+
+class _SentFile(msgspec.Struct):
+    points: _Sent
+    analogs: _Sent
+    platforms: dict[str, _SentArray]
+    events: list[tuple[str, str, float]]
 
 
 def read_contents(path: Path, longest_s: float = LONGEST_S) -> C3dContents:
@@ -69,10 +94,14 @@ def read_contents(path: Path, longest_s: float = LONGEST_S) -> C3dContents:
     if done.returncode:
         raise UserError(f"{path}: not a C3D file ({_last_words(done)})")
     try:
-        sent = msgspec.msgpack.decode(done.stdout, type=tuple[_Sent, _Sent])
+        sent = msgspec.msgpack.decode(done.stdout, type=_SentFile)
     except msgspec.MsgspecError as error:
         raise UserError(f"{path}: not a C3D file ({error})") from error
-    return C3dContents(*(_received(channels) for channels in sent))
+    platforms = {
+        name: np.frombuffer(each.values, dtype=np.float64).reshape(each.shape) for name, each in sent.platforms.items()
+    }
+    events = sorted((Event(*event) for event in sent.events), key=lambda event: event.t_s)
+    return C3dContents(_received(sent.points), _received(sent.analogs), platforms, tuple(events))
 
 
 def write_contents() -> None:
@@ -87,8 +116,41 @@ def write_contents() -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     file = ezc3d.c3d(str(path))
     points, analogs = (np.asarray(file["data"][name], dtype=np.float64) for name in ("points", "analogs"))
-    both = (_sent(file["parameters"], "POINT", points[:3]), _sent(file["parameters"], "ANALOG", analogs[:1]))
-    sys.stdout.buffer.write(msgspec.msgpack.encode(both))
+    parameters = file["parameters"]
+    first_s = float(file["header"]["points"]["first_frame"]) / float(file["header"]["points"]["frame_rate"])
+    whole = _SentFile(
+        _sent(parameters, "POINT", points[:3]),
+        _sent(parameters, "ANALOG", analogs[:1]),
+        _platforms(parameters),
+        _events(parameters, first_s),
+    )
+    sys.stdout.buffer.write(msgspec.msgpack.encode(whole))
+
+
+def _platforms(parameters: Any) -> dict[str, _SentArray]:
+    """Return the numbers of group FORCE_PLATFORM."""
+    found: dict[str, _SentArray] = {}
+    if "FORCE_PLATFORM" not in parameters:
+        return found
+    group = parameters["FORCE_PLATFORM"]
+    for name in ("TYPE", "CORNERS", "ORIGIN", "CHANNEL", "CAL_MATRIX"):
+        if name in group and len(group[name]["value"]):
+            value = np.asarray(group[name]["value"], dtype=np.float64)
+            found[name] = _SentArray(value.shape, value.tobytes())
+    return found
+
+
+def _events(parameters: Any, first_s: float) -> list[tuple[str, str, float]]:
+    """Return label, context and time of group EVENT's; TIMES are minutes and seconds from the recording's begin."""
+    if "EVENT" not in parameters or "TIMES" not in parameters["EVENT"]:
+        return []
+    group = parameters["EVENT"]
+    times = np.asarray(group["TIMES"]["value"], dtype=np.float64).reshape(2, -1)
+    labels, contexts = (list(group[name]["value"]) if name in group else [] for name in ("LABELS", "CONTEXTS"))
+    return [
+        (str(labels[k]).strip(), str(contexts[k]).strip() if k < len(contexts) else "", 60.0 * t[0] + t[1] - first_s)
+        for k, t in enumerate(times.T[: len(labels)].tolist())
+    ]
 
 
 def _sent(parameters: Any, group: str, values: FloatArray) -> _Sent:

@@ -7,7 +7,7 @@ estimator.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -42,6 +42,8 @@ Triple = tuple[float, float, float]
 Six = tuple[float, float, float, float, float, float]
 _Rate = Annotated[float, Meta(ge=20.0, le=20_000.0)]
 _Deviation = Annotated[float, Meta(gt=0.0, le=100.0)]
+_Share = Annotated[float, Meta(ge=0.0, le=0.5)]
+_Place = Annotated[float, Meta(ge=0.0, le=0.2)]
 
 
 class RateSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -99,6 +101,43 @@ class NoiseSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     torque_nm: _Deviation | None = None
 
 
+class UncertaintySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Standard deviations of what a laboratory does not know exactly and no second of noise tells; zero means exact.
+
+    `gain_share` of all six channels alike, of each one besides, and of the reading of the plate's mass unless
+    `mass_share` tells that of another scale;
+    `crosstalk_share` of each channel in each other one, where `moment_per_force_m`, the rated moment over the rated
+    force, stands between the units; `axes_rad` of the force plate's axes against the markers'; `reference_m` of the
+    point about which moments are told; `delay_s` of the force stamps against the motion's; `joint_m` of
+    `plate.joint_to_surface_m`, along each axis; `foot_origin_m` of `foot.origin_in_plate_m`. The defaults are those of
+    a six-component force plate of good make that was mounted and surveyed with care.
+    """
+
+    gain_share: _Share = 0.005
+    crosstalk_share: _Share = 0.005
+    moment_per_force_m: Annotated[float, Meta(gt=0.0, le=2.0)] = 0.25
+    axes_rad: Annotated[float, Meta(ge=0.0, le=0.2)] = 0.005
+    reference_m: _Place = 0.001
+    delay_s: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0003
+    joint_m: _Place = 0.001
+    foot_origin_m: _Place = 0.0005
+    mass_share: _Share | None = None
+
+    @classmethod
+    def none(cls) -> "UncertaintySettings":
+        """Return what says that all of it is known exactly, as in a simulation."""
+        return cls(
+            gain_share=0.0,
+            crosstalk_share=0.0,
+            axes_rad=0.0,
+            reference_m=0.0,
+            delay_s=0.0,
+            joint_m=0.0,
+            foot_origin_m=0.0,
+            mass_share=0.0,
+        )
+
+
 class PlatformSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """All of `platform.toml` but the truth."""
 
@@ -107,6 +146,7 @@ class PlatformSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     foot: FootSettings = FootSettings()
     tare: TareSettings = TareSettings()
     noise: NoiseSettings = NoiseSettings()
+    uncertainty: UncertaintySettings = UncertaintySettings()
 
 
 class Truth(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -217,6 +257,12 @@ class PlatformRecording:
             wrench=force.values,
             notes=(*motion_notes, *force_notes, *notes),
         )
+
+    @property
+    def exact(self) -> "PlatformRecording":
+        """Return this recording with instruments that are stated to be exact: intervals then hold noise alone."""
+        settings = msgspec.structs.replace(self.settings, uncertainty=UncertaintySettings.none())
+        return replace(self, settings=settings)
 
     def save(self, folder: Path, truth: Truth | None = None) -> None:
         """Write the three files, with `truth` in its own table where given; raises UserError where it cannot."""

@@ -174,10 +174,19 @@ def measured(run: AnkleRun, noise: AnkleNoise, seed: int) -> AnkleTrial:
 def true_table(run: AnkleRun, points: int = 29) -> AnkleTable:
     """Return the true impedance as the table that an identification of the run should come to; no interval."""
     stance = np.linspace(*FLAT_FOOT, points)
-    curves = (run.person.stiffness(stance), run.person.damping(stance))
+    K, B = run.person.stiffness(stance), run.person.damping(stance)
+    moment, rest = run.person.usual_moment(stance), true_equilibrium(run, stance)
     first, second = (
-        AxisTable(*(K.tolist(),) * 3, *(B.tolist(),) * 3, *(inertia,) * 3, [])
-        for K, B, inertia in zip(*(curve.T for curve in curves), run.foot_about_ankle_kgm2.tolist(), strict=True)
+        AxisTable(
+            *(K[:, axis].tolist(),) * 3,
+            *(B[:, axis].tolist(),) * 3,
+            *(float(run.foot_about_ankle_kgm2[axis]),) * 3,
+            [],
+            *(0.0, 0.0),
+            *(moment[:, axis].tolist(),) * 3,
+            *(rest[:, axis].tolist(),) * 3,
+        )
+        for axis in range(2)
     )
     settings = run.settings
     return AnkleTable(
@@ -190,6 +199,14 @@ def true_table(run: AnkleRun, points: int = 29) -> AnkleTable:
         dorsi_plantarflexion=first,
         inversion_eversion=second,
     )
+
+
+def true_equilibrium(run: AnkleRun, stance: FloatArray) -> FloatArray:
+    """Return (k, 2): the angle of foot against shank, rad, at which the ankle's spring makes no moment."""
+    slope = np.array([np.deg2rad(run.settings.ground_slope_deg), 0.0])
+    person = run.person
+    rest: FloatArray = slope - person.usual_shank(stance) - person.usual_moment(stance) / person.stiffness(stance)
+    return rest
 
 
 def _plate_motion(

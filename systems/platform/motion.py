@@ -57,7 +57,7 @@ class Motion:
 
     @cached_property
     def _on_joint(self) -> Kinematics:
-        return Kinematics.on_joint(self.angles_rad.T, self.rates_radps.T, self.accelerations_radps2.T, 0.0)
+        return Kinematics.on_joint(self.angles_rad.T, self.rates_radps.T, self.accelerations_radps2.T, np.zeros(3))
 
 
 def unsmoothed(spectrum: ComplexArray, band: Band, cutoff_hz: float) -> ComplexArray:

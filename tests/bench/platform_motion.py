@@ -18,6 +18,7 @@ from impedance.recording.recording import (
     Poses,
     RateSettings,
     TareSettings,
+    UncertaintySettings,
 )
 from messages.arrays import FloatArray
 
@@ -59,6 +60,7 @@ def recording(motion: Multisine, seconds: float, foot: Inertia | None = None) ->
         foot=FootSettings(present=foot is not None),
         tare=TareSettings(at_rest=True),
         noise=NOISE,
+        uncertainty=UncertaintySettings.none(),
     )
     return PlatformRecording(
         settings=settings,

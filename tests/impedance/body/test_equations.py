@@ -47,7 +47,7 @@ def sensed(rig: Rig, state: FloatArray, torque_nm: FloatArray) -> dict[str, Floa
 
 
 def motion_of(rig: Rig, sensors: dict[str, FloatArray]) -> Kinematics:
-    return Kinematics.on_joint(sensors["angles"], sensors["rates"], sensors["second"], rig.joint_to_surface_m)
+    return Kinematics.on_joint(sensors["angles"], sensors["rates"], sensors["second"], rig.lever_m)
 
 
 def assert_relative(found: FloatArray, expected: FloatArray) -> None:

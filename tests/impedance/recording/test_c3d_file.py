@@ -46,7 +46,8 @@ def test_memory_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_sound_file_comes_through_whole(tmp_path: Path) -> None:
     path = tmp_path / "trial.c3d"
     path.write_bytes(c3d_files()[0])
-    points, analogs = read_contents(path)
+    points, analogs, platforms, events = read_contents(path)
     assert points.labels == ("P1", "P2", "P3")
     assert (points.units, points.rate_hz, points.values.shape[:2]) == (("m",), 70.0, (3, 3))
     assert (analogs.rate_hz, analogs.values.shape[:2]) == (70.0, (1, 6))
+    assert (platforms.get("TYPE"), events) == (None, ())

@@ -37,7 +37,7 @@ def _recording(*, foot: bool, with_foot: bool = False, samples: int = 1500) -> P
     angles, rates, seconds = (
         (size * omega**k * np.sin(omega * t_s[:, None, None] + phase + k * np.pi / 2)).sum(axis=2) for k in range(3)
     )
-    motion = Kinematics.on_joint(angles, rates, seconds, JOINT_M)
+    motion = Kinematics.on_joint(angles, rates, seconds, np.array([0.0, JOINT_M, 0.0]))
     level = Kinematics.at_rest(np.zeros((1, 3)))
     p_m, euler = geometry.joint_pose(angles[:, 0], angles[:, 1], JOINT_M)
     tare = (level.regressor @ TRUE_PLATE.vector)[0]

@@ -1,0 +1,89 @@
+"""What the wrench's delay and gain do to the ankle's impedance: told, taken out or in the intervals."""
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+
+from scipy.interpolate import CubicSpline
+
+from impedance.ankle.impedance import identify
+from impedance.ankle.table import MOST_HALF_SHARE, table_of
+from impedance.ankle.trial import AnkleTrial, Perturbation
+from sim_rig.platform.ankle import AT_15_DB, SENSOR_NOISE, AnkleRun, measured, true_equilibrium, walk
+from sim_rig.platform.ankle_person import person
+
+SEED = 4
+
+
+@pytest.fixture(scope="module")
+def run() -> AnkleRun:
+    return walk(person(SEED), [Perturbation.RANDOM] * 8, SEED)
+
+
+def trial_of(run: AnkleRun, late_s: float, **told: float) -> AnkleTrial:
+    """Return a trial whose wrench is late, and what its file tells of it."""
+    wrench = run.wrench.copy()
+    for cycle in np.unique(run.cycle):
+        own = run.cycle == cycle
+        wrench[own] = CubicSpline(run.t_s[own], run.wrench[own])(run.t_s[own] - late_s)
+    trial = measured(replace(run, wrench=wrench), SENSOR_NOISE, SEED)
+    instruments = msgspec.structs.replace(trial.settings.instruments, **told)
+    return replace(trial, settings=msgspec.structs.replace(trial.settings, instruments=instruments))
+
+
+def damping_error(run: AnkleRun, trial: AnkleTrial) -> float:
+    found = identify(trial)
+    true = run.person.damping(found.stance)
+    off = [np.abs(one.damping.value / true[:, axis] - 1.0).mean() for axis, one in enumerate(found.axes)]
+    return float(np.max(off))
+
+
+def test_a_delay_is_told_by_both_axes_and_costs_no_damping(run: AnkleRun) -> None:
+    for delay_s in (-1e-3, 5e-4):
+        late = trial_of(run, delay_s)
+        found = identify(late)
+        assert abs(found.delay_s - delay_s) < 4.0 * found.delay_deviation_s
+        assert found.delay_deviation_s < 1e-4
+        assert damping_error(run, late) < 0.03
+    believed = trial_of(run, 5e-4, delay_deviation_s=0.0)
+    assert damping_error(run, believed) > 0.12
+
+
+def test_a_delay_that_is_known_is_taken_out(run: AnkleRun) -> None:
+    known = trial_of(run, 1e-3, delay_s=1e-3, delay_deviation_s=0.0)
+    assert identify(known).delay_s == 1e-3
+    assert damping_error(run, known) < 0.03
+
+
+@pytest.mark.long
+def test_the_gain_is_in_the_intervals_and_moves_nothing(run: AnkleRun) -> None:
+    exact, unsure = (identify(trial_of(run, 0.0, gain_deviation_share=share)) for share in (0.0, 0.05))
+    for one, other in zip(exact.axes, unsure.axes, strict=True):
+        assert other.stiffness.value == pytest.approx(one.stiffness.value, rel=1e-3)
+        assert (other.stiffness.deviation > 0.03 * other.stiffness.value).all()
+        assert (one.stiffness.deviation < other.stiffness.deviation).all()
+
+
+def test_set_points_lie_in_their_intervals(run: AnkleRun) -> None:
+    found = identify(trial_of(run, 0.0))
+    moment, rest = run.person.usual_moment(found.stance), true_equilibrium(run, found.stance)
+    for axis, one in enumerate(found.axes):
+        for curve, true in ((one.mean_moment, moment[:, axis]), (one.equilibrium, rest[:, axis])):
+            assert ((curve.low <= true) & (true <= curve.high)).mean() > 0.9
+        assert np.rad2deg(np.abs(one.equilibrium.value - rest[:, axis])).mean() < 1.5
+
+
+@pytest.mark.long
+def test_an_axis_that_is_too_wide_for_a_controller_is_refused() -> None:
+    short = walk(person(SEED), [Perturbation.RAMP] * 3 + [Perturbation.NONE] * 3, SEED)
+    trial = measured(short, AT_15_DB, SEED)
+    axis = table_of(trial, identify(trial)).dorsi_plantarflexion
+    assert axis.damping_half_share is not None
+    assert axis.damping_half_share > MOST_HALF_SHARE["damping"]
+    assert any(reason.startswith("damping refused") for reason in axis.not_identifiable)
+    assert np.isnan(axis.damping_nms_per_rad).all()
+    assert np.isfinite(axis.damping_nms_per_rad_high).all()
