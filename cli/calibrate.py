@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cli.calibrate_imu import imu, noise
+from cli.calibrate_stereo import export, kalibr, rows, stereo
 from messages.constants import STANDARD_GRAVITY_MPS2
 
 if TYPE_CHECKING:  # every command imports what it needs when it is called
@@ -16,6 +18,13 @@ if TYPE_CHECKING:  # every command imports what it needs when it is called
     from messages import Learnt, UnitCalibration
 
 calibrate = typer.Typer(help="Make a unit's calibration file.", no_args_is_help=True)
+
+calibrate.command()(imu)
+calibrate.command()(noise)
+calibrate.command()(stereo)
+calibrate.command()(rows)
+calibrate.command()(kalibr)
+calibrate.command()(export)
 
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the same facts for a program.")]
 

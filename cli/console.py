@@ -1,14 +1,18 @@
 """What the commands share in front of a person: tables, progress, JSON files."""
 
+import math
 import sys
+import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 from rich.console import Console
+from rich.live import Live
 from rich.progress import track
 from rich.table import Table
+from rich.text import Text
 
 from lab.evaluation.floor import FloorScore
 from lab.evaluation.score import Score
@@ -16,6 +20,7 @@ from messages.errors import UserError
 
 T = TypeVar("T")
 _WIDTH_OF_A_FILE = 110
+_TELL_EVERY_S = 5.0
 
 RECORDING_CUT = 3
 """The exit code of a command that did its work, but whose recording ends early: it does not hold all that there was."""
@@ -82,6 +87,31 @@ def write_json(path: Path, facts: Any) -> None:
 def progress(items: Sequence[T], what: str) -> Iterable[T]:
     """Yield `items` behind a progress bar."""
     return track(items, description=what, console=console)
+
+
+class LiveLine:
+    """One line that is kept up to date: in its place at a terminal, else printed at most every five seconds."""
+
+    def __init__(self) -> None:
+        self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
+        self._told_s = -math.inf
+
+    def __enter__(self) -> "LiveLine":
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def tell(self, line: str) -> None:
+        """Show `line` in place of the one before."""
+        if self._live is not None:
+            self._live.update(Text(line), refresh=True)
+        elif time.monotonic() - self._told_s >= _TELL_EVERY_S:
+            self._told_s = time.monotonic()
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def seed_list(text: str) -> list[int]:
