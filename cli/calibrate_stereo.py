@@ -31,7 +31,7 @@ _CALIBRATION = Path("calibration.yaml")
 _NOMINAL_SQUARE_M = 0.025
 _FACTORY_BASELINE = 2.5e-3
 """Of a baseline that a maker states: 0.3 mm of 120."""
-_PICTURES_FOR_SIZE = 8
+_PICTURES_FOR_SIZE = 5
 _LIVE_EVERY = 4
 """Frames of 20 a second: five looks a second; a board takes about 0.1 s to be found."""
 

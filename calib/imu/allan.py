@@ -129,10 +129,10 @@ def _density(tau_s: FloatArray, deviation: FloatArray, low: FloatArray, high: Fl
         return NOT_TOLD
     root = np.sqrt(tau_s[near])
     value = math.exp(float(np.log(deviation[near] * root).mean()))
-    # of all these deviations the surest one's interval: they overlap, and no independent ones stand behind their mean
-    surest = int((high[near] / low[near]).argmin())
+    # of all these deviations the widest interval: they overlap, and slow noise is in them too
+    widest = int((high[near] / low[near]).argmax())
     return Estimate(
-        value, value * float((low / deviation)[near][surest]), value * float((high / deviation)[near][surest])
+        value, value * float((low / deviation)[near][widest]), value * float((high / deviation)[near][widest])
     )
 
 

@@ -119,8 +119,9 @@ def fit_imu(logs: Sequence[ImuLog], where: str, *, gravity_mps2: float | None = 
     accelerometer = fit_accelerometer(rests, gravity, gravity_std)
     usable = accelerometer.on_supported_axes
     gyroscope = fit_gyroscope(logs, rests, accelerometer.directions, usable)
-    if gyroscope is not None and gyroscope.mirrored:
-        notes.append("the accelerometer's and the gyroscope's axes are mirrored: tell --acc-axes, such as x,y,-z")
+    if gyroscope is not None and gyroscope.signs is not None:
+        signs = ",".join(("" if sign > 0.0 else "-") + axis for sign, axis in zip(gyroscope.signs, _AXES, strict=True))
+        notes.append(f"the accelerometer's and the gyroscope's axes are mirrored: tell --acc-axes {signs}")
     weights = np.array([rest.seconds for rest in rests])
     temperature = float(weights @ np.array([rest.temperature_degC for rest in rests]) / weights.sum())
     return ImuFit(accelerometer, gyroscope, tuple(rests), gravity, in_counts, temperature, tuple(notes))

@@ -12,7 +12,7 @@ supported.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -35,13 +35,14 @@ _DIRECTION_STD_RAD = 1e-3
 """Of a rest's vertical: what the accelerometer's calibration leaves."""
 _LEAST_FREEDOM = 6
 _ROUNDS = 12
+_LEAST_TURNS, _CLEARLY = 4, 0.1
 
 
 @dataclass(frozen=True)
 class GyroscopeFit:
     """M (3, 3) and bias (3,) rad/s of (1), deviations and half-widths of 95 % intervals of both, and which values are
     supported. `carried_rad` (n,) is by how much each turn misses the next rest's vertical, `before_rad` the same with
-    M = 1; `mirrored` tells that the sensors' axes are of opposite handedness."""
+    M = 1; `signs` those of the accelerometer's axes with which both sensors would agree, where they do not."""
 
     matrix: FloatArray
     bias: FloatArray
@@ -51,7 +52,7 @@ class GyroscopeFit:
     supported: BoolArray
     carried_rad: FloatArray
     before_rad: FloatArray
-    mirrored: bool
+    signs: tuple[float, float, float] | None
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def fit_gyroscope(
     before = _missed(turns, M)[0]
     found, covariance, times = _solved(turns, M)
     missed, _ = _missed(turns, found)
-    mirrored = _is_mirrored(turns, missed)
+    signs = _signs(turns, missed)
     std = np.sqrt(np.diag(covariance)).reshape(3, 3)
     return GyroscopeFit(
         matrix=found,
@@ -93,10 +94,10 @@ def fit_gyroscope(
         matrix_std=std,
         matrix_half_width=times * std,
         bias_std=bias_std,
-        supported=(std < SUPPORTED_STD) & (not mirrored),
+        supported=(std < SUPPORTED_STD) & (signs is None),
         carried_rad=np.linalg.norm(missed.reshape(-1, 3), axis=1),
         before_rad=np.linalg.norm(before.reshape(-1, 3), axis=1),
-        mirrored=mirrored,
+        signs=signs,
     )
 
 
@@ -172,9 +173,18 @@ def _skew(v: FloatArray) -> FloatArray:
     return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
 
-def _is_mirrored(turns: list[_Turn], missed: FloatArray) -> bool:
-    """Return whether turning the other way round explains the turns much better."""
-    if len(turns) < 3:
-        return False
-    other, _ = _missed([_Turn(turn.before, turn.after, -turn.w, turn.dt_s, turn.std) for turn in turns], np.eye(3))
-    return float((other**2).sum()) < 0.1 * float((missed**2).sum())
+def _signs(turns: list[_Turn], missed: FloatArray) -> tuple[float, float, float] | None:
+    """Return the signs of the accelerometer's axes with which the turns agree far better; None where they do as it is.
+
+    Of axes with signs S the vertical turns by −S w.
+    """
+    if len(turns) < _LEAST_TURNS:
+        return None
+    best: tuple[float, float, float] | None = None
+    least = _CLEARLY * float((missed**2).sum())
+    for signs in product((1.0, -1.0), repeat=3):
+        turned = [_Turn(turn.before, turn.after, -turn.w * signs, turn.dt_s, turn.std) for turn in turns]
+        squares = float((_missed(turned, np.eye(3))[0] ** 2).sum())
+        if squares < least and np.prod(signs) < 0.0:
+            least, best = squares, (signs[0], signs[1], signs[2])
+    return best
