@@ -83,6 +83,9 @@ def noise_of(logs: list[ImuLog], where: str) -> tuple[list[AxisNoise], float]:
         )
     log = logs[longest.log]
     part = slice(longest.first, longest.last)
+    quiet = [log.sf[part], log.w[part]] if log.gyro_is_scaled else [log.sf[part]]
+    if any((values == values[0]).all(axis=0).any() for values in quiet):
+        raise UserError(f"{where}: an axis reads the same value all the time, as no sensor does")
     axes = [axis_noise(f"acc_{name}", log.sf[part, k], log.rate_hz) for k, name in enumerate("xyz")]
     if log.gyro_is_scaled:
         axes += [axis_noise(f"gyro_{name}", log.w[part, k], log.rate_hz) for k, name in enumerate("xyz")]

@@ -6,6 +6,7 @@ import pytest
 
 from calib.mount import Found, brought_near, doubted, mounted
 from calib.strict_yaml import CalibrationError
+from lab.evaluation.mounting import Trial
 from messages import vec3
 from perception import so3
 from perception.attitude.sensor_errors import MountingErrors, SensorErrors
@@ -44,6 +45,18 @@ def test_what_was_found_is_taken_over() -> None:
 def test_what_a_walk_does_not_tell_is_refused(std_rad: float, lag_std_s: float) -> None:
     with pytest.raises(CalibrationError, match=r"walk: refused: .* allowed 0\.1° and 1 ms"):
         mounted(KNOWN, KNOWN, found(std_rad, lag_std_s), "walk")
+
+
+@pytest.mark.long
+def test_a_minute_of_walking_tells_a_camera_that_is_degrees_off() -> None:
+    trial = Trial(1001)
+    before = trial.errors(trial.given)
+    made = trial.found()
+    turn, lag_s = trial.errors(made.calibration)
+    assert np.abs(before[0]).max() > np.radians(0.5)
+    assert np.abs(turn).max() < np.radians(0.1)
+    assert (np.abs(turn) < 3.0 * made.turn_std).all()
+    assert abs(lag_s) < 1e-3
 
 
 def test_a_pass_doubts_the_camera_and_nothing_else() -> None:

@@ -46,6 +46,13 @@ def test_what_does_not_rest_is_refused() -> None:
         noise_of([shaken], "shaken")
 
 
+def test_an_axis_that_never_changes_is_refused() -> None:
+    n = 7_000
+    dead = ImuLog("dead", np.arange(n) / 100.0, np.tile((0.0, 0.0, 9.8), (n, 1)), np.zeros((n, 3)), np.full(n, 30.0))
+    with pytest.raises(UserError, match="dead: an axis reads the same value all the time"):
+        noise_of([dead], "dead")
+
+
 def test_a_real_mpu6050_has_the_deviations_that_were_measured() -> None:
     path = shared_data("mpu6050_sunsided") / "unmoved-with-x-pointing-forward-10min.csv.gz"
     axes, rest_s = noise_of(read_logs([path], Units(acc_per_g=4096.0, gyro_per_dps=131.0)), "mpu6050")
