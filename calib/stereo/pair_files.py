@@ -182,6 +182,8 @@ def _array(camera: Mapping[str, Any], key: str, shape: tuple[int, ...], where: s
 
 def _rigid(T: FloatArray, where: str) -> Pose:
     """Return a 4×4 transform as a pose, its rotation the nearest exact one. Raises CalibrationError for no rotation."""
+    if not np.isfinite(T).all():
+        raise CalibrationError(f"{where} holds what is no finite number")
     U, _, Vt = np.linalg.svd(T[:3, :3])
     R = U @ Vt
     if np.linalg.det(R) < 0 or np.abs(R - T[:3, :3]).max() > _ROTATION_TOLERANCE:

@@ -53,6 +53,7 @@ def test_an_axis_that_never_changes_is_refused() -> None:
         noise_of([dead], "dead")
 
 
+@pytest.mark.long
 def test_a_real_mpu6050_has_the_deviations_that_were_measured() -> None:
     path = shared_data("mpu6050_sunsided") / "unmoved-with-x-pointing-forward-10min.csv.gz"
     axes, rest_s = noise_of(read_logs([path], Units(acc_per_g=4096.0, gyro_per_dps=131.0)), "mpu6050")

@@ -112,6 +112,7 @@ def test_bad_logs_are_one_line(tmp_path: Path) -> None:
             read_logs([path], Units())
 
 
+@pytest.mark.long
 def test_a_real_mpu6050_in_three_poses_is_flagged_and_fits_where_it_lay() -> None:
     units = Units(acc_per_g=4096.0, gyro_per_dps=131.0, signs=(1.0, 1.0, -1.0))
     fit = fit_imu(read_logs([shared_data("mpu6050_sunsided")], units), "mpu6050")
@@ -123,6 +124,7 @@ def test_a_real_mpu6050_in_three_poses_is_flagged_and_fits_where_it_lay() -> Non
     assert np.degrees(fit.gyroscope.bias) == pytest.approx((4.53, 0.05, 1.12), abs=0.06)
 
 
+@pytest.mark.long
 def test_a_real_imu_in_many_poses_keeps_gravity_and_carries_it() -> None:
     units = Units(acc_zero=32768.0, gyro_per_dps=6258.0 * np.pi / 180.0)
     fit = fit_imu(read_logs([shared_data("xsens_multiposition_imutk")], units), "xsens")
