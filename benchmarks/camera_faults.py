@@ -17,9 +17,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.told_walks import START_NS, asked, attitudes, by_row, pace_of, walking_on
+from benchmarks.told_walks import START_NS, asked, by_row, pace_of, walking_on
 from cli.console import write_json
-from lab.evaluation.told_steps import OdometerNoise, ToldStep, told_steps
+from lab.evaluation.told_steps import OdometerNoise, ToldStep, attitudes, told_steps
 from messages import Reason, vec3
 from perception import so3
 from perception.attitude.track import AttitudeTrack

@@ -1,7 +1,7 @@
 """Walks whose camera steps are told from the truth, without a picture: what benchmarks on them share."""
 
 import argparse
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing import Pool
 from pathlib import Path
@@ -11,9 +11,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track as progress
 
-from lab.evaluation.told_steps import OdometerNoise, ToldStep
-from messages import Attitude, ImuSample, Reason
-from perception.attitude.track import AttitudeTrack
+from lab.evaluation.told_steps import OdometerNoise
 from sim_rig.walk.legs import Stand
 from sim_rig.walk.scenario import Pace, Scenario
 from sim_rig.walk.world import WorldBuilder
@@ -33,22 +31,6 @@ def pace_of(chance: np.random.Generator) -> Pace:
     """Return a pace with the cadence that people choose for its speed, about that of its square root."""
     speed_mps = chance.uniform(0.8, 1.6)
     return Pace(float(speed_mps), float(1.8 * np.sqrt(speed_mps / 1.2) + chance.normal(0.0, 0.05)))
-
-
-def attitudes(track: AttitudeTrack, samples: Iterable[ImuSample], steps: Iterator[ToldStep]) -> Iterator[Attitude]:
-    """Yield what the service would say after each sample: invalid while the IMU contradicts the camera.
-
-    Steps are added behind the sample whose arrival they do not come after.
-    """
-    following = next(steps, None)
-    for sample in samples:
-        attitude = track.add_sample(sample)
-        yield track.invalid_at(sample.t_sample_ns) if track.contradiction is not Reason.NONE else attitude
-        while following is not None and following.t_told_ns <= sample.t_arrival_ns:
-            track.add_camera_step(following.step)
-            if track.contradiction is Reason.NONE:
-                track.checkpoint()
-            following = next(steps, None)
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.told_walks import START_NS, asked, attitudes, by_row, pace_of, walking_on
+from benchmarks.told_walks import START_NS, asked, by_row, pace_of, walking_on
 from cli.console import write_json
 from lab.evaluation.attitude import coverage, tilt_errors_W, vqf_up_B
-from lab.evaluation.told_steps import OdometerNoise, ToldStep, told_steps
+from lab.evaluation.told_steps import OdometerNoise, ToldStep, attitudes, told_steps
 from lab.faults.criteria import SIGMAS, WRONG_TILT_RAD
 from messages import Attitude, ImuSample, Status
 from messages.arrays import BoolArray, FloatArray

@@ -34,7 +34,6 @@ NOMINAL_RESIDUAL = Residual(
 """MPU-6050 datasheet (zero-g ±50 and ±80 mg, sensitivity ±3 %); mounting by eye; stamps by their usual delay. That the
 pair's optical axes have kept the maker's calibration to 0.05°, and its rows to a fifth of a pixel, is assumed."""
 
-
 _NOMINAL_IMU = ImuCalibration(
     sf_matrix=matrix3(np.eye(3)),
     sf_bias_mps2=vec3(np.zeros(3)),
@@ -88,6 +87,12 @@ def nominal_lens(width_px: int, height_px: int, view_rad: float) -> Lens:
 def nominal_stereo(lens: Lens, baseline_m: float) -> StereoCalibration:
     """Return two eyes of this lens side by side, with parallel axes."""
     return StereoCalibration(left=lens, right=lens, X_RL=Pose(R=matrix3(np.eye(3)), p_m=(-baseline_m, 0.0, 0.0)))
+
+
+def nominal_pair(width_px: int = 1280, height_px: int = 720) -> StereoCalibration:
+    """Return a ZED's pair as it was meant to be built, at another size with the same view."""
+    zed = _KNOWN_OPTICS["ZED"]
+    return nominal_stereo(nominal_lens(width_px, height_px, zed.view_rad), zed.baseline_m)
 
 
 def uncalibrated_depth_unit(unit: str, lens: Lens, baseline_m: float) -> DepthUnitCalibration:

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
+import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.nominal import NOMINAL_RESIDUAL
@@ -171,3 +172,33 @@ def with_factory_pair(known: Calibration, stereo: StereoCalibration, unit: str |
         stereo=stereo,
         residual=replace(known.residual, time_s=time_s, toe_in_rad=toe_in_rad),
     )
+
+
+def zed_conf_text(stereo: StereoCalibration, mode: str) -> str:
+    """Return the file of a pair in one resolution, which `load_zed_conf` reads again.
+
+    Raises CalibrationError where the pictures' size is not that of `mode`, or a lens has terms that the file has not.
+    """
+    size = ZED_MODES[mode]
+    given = (stereo.left.width_px, stereo.left.height_px)
+    if given != size[:2]:
+        raise CalibrationError(f"the pair is {given[0]}x{given[1]} px, mode {mode} of a ZED {size[0]}x{size[1]} px")
+    tx, ty, tz = (1e3 * part for part in stereo.X_RL.p_m)
+    rx, ry, rz = Rotation.from_matrix(np.array(stereo.X_RL.R)).as_rotvec().tolist()
+    pair = {"Baseline": -tx, "TY": ty, "TZ": tz, f"RX_{mode}": rx, f"CV_{mode}": ry, f"RZ_{mode}": rz}
+    sections = [
+        (f"LEFT_CAM_{mode}", _conf_lens(stereo.left)),
+        (f"RIGHT_CAM_{mode}", _conf_lens(stereo.right)),
+        ("STEREO", pair),
+    ]
+    return "\n".join(
+        f"[{name}]\n" + "".join(f"{key}={value!r}\n" for key, value in values.items()) for name, values in sections
+    )
+
+
+def _conf_lens(lens: Lens) -> dict[str, float]:
+    if any(lens.distortion[8:]):
+        raise CalibrationError(f"the lens has {len(lens.distortion)} terms of distortion, a ZED's file 8 at most")
+    terms = (*lens.distortion, 0.0)[: 8 if len(lens.distortion) > 5 else 5]
+    named = dict(zip(("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), terms, strict=False))
+    return {"fx": lens.fx_px, "fy": lens.fy_px, "cx": lens.cx_px, "cy": lens.cy_px, **named}

@@ -7,15 +7,25 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cli.calibrate_imu import imu, noise
+from cli.calibrate_mount import apply, mount
+from cli.calibrate_stereo import export, kalibr, rows, stereo
 from cli.options import JsonFile
 
 if TYPE_CHECKING:  # every command imports what it needs when it is called
     from calib.wearer import WearerMeasurement
-    from daemon.config import Configuration
-    from daemon.pipeline import Pipeline
-    from messages import Learnt, UnitCalibration
+    from messages import UnitCalibration
 
 calibrate = typer.Typer(help="Make a unit's calibration file.", no_args_is_help=True)
+
+calibrate.command()(imu)
+calibrate.command()(noise)
+calibrate.command()(stereo)
+calibrate.command()(rows)
+calibrate.command()(kalibr)
+calibrate.command()(export)
+calibrate.command()(mount)
+calibrate.command()(apply)
 
 
 class Mode(str, enum.Enum):
@@ -104,6 +114,7 @@ def wearer(
 
     from calib.files import load_calibration, save_calibration
     from calib.wearer import WearerMeasurement
+    from cli.calibrate_live import run_live
     from cli.console import check_writable, table, write_json
     from messages import DepthUnitCalibration, UserError
 
@@ -116,7 +127,7 @@ def wearer(
     if recording is not None:
         _measure_recorded(recording, known, file, measured)
     else:
-        _measure_live(config, seconds, known, measured)
+        run_live(config, seconds, known, lambda estimate, _header: measured.add(estimate))
     height = measured.height(str(recording if recording is not None else config))
     made = msgspec.structs.replace(known, wearer=height)
     save_calibration(file, made)
@@ -134,6 +145,7 @@ def wearer(
 
 def _measure_recorded(recording: Path, known: "UnitCalibration", file: Path, measured: "WearerMeasurement") -> None:
     """Give `measured` what the pipeline makes of a recording. Raises UserError if it is of another calibration."""
+    from cli.calibrate_live import pipeline_without_wearer
     from daemon.replay_source import open_source
     from messages import UserError
 
@@ -143,53 +155,10 @@ def _measure_recorded(recording: Path, known: "UnitCalibration", file: Path, mea
             f"{recording}: was recorded with calibration {opened.calibration.id} of unit '{opened.calibration.unit}', "
             f"{file} is {known.id} of '{known.unit}': measure on a recording made with this file"
         )
-    pipeline = _pipeline(known, opened.configuration, opened.learnt)
+    pipeline = pipeline_without_wearer(known, opened.configuration.foothold, opened.learnt)
     for message in opened.inputs():
         for estimate in pipeline.step(message):
             measured.add(estimate)
-
-
-def _measure_live(config: Path, seconds: float, known: "UnitCalibration", measured: "WearerMeasurement") -> None:
-    """Give `measured` what the service makes of the devices that the configuration names; nothing is published."""
-    from cli.devices import build_imu, camera_opener
-    from cli.live import LiveStatus
-    from cli.wiring import stopped_by_signals
-    from daemon.config import load_configuration
-    from daemon.replaceable_camera import ReplaceableCamera
-    from daemon.service import Devices, Service
-    from daemon.stamping import Stamper
-    from daemon.state_file import StateKeeper, state_path
-    from daemon.summary import Tally
-    from drivers.boot_id import read_boot_id
-    from messages import Source
-
-    configuration = load_configuration(config)
-    learnt = StateKeeper(state_path(config, configuration), known).load()
-    imu, camera = build_imu(configuration.imu), ReplaceableCamera(camera_opener(configuration.camera, known))
-    imu.open()
-    camera.open()
-    tally = Tally()
-    service = Service(
-        _pipeline(known, configuration, learnt),
-        Devices(imu=imu, camera=camera),
-        [],
-        Stamper(configuration.device, read_boot_id(), Source.LIVE),
-        observers=[tally, lambda estimate, _header: measured.add(estimate)],
-    )
-    with stopped_by_signals(service), LiveStatus(tally) as live:
-        service.run(seconds, status=lambda: live.refresh(service.problems))
-
-
-def _pipeline(known: "UnitCalibration", configuration: "Configuration", learnt: "Learnt | None") -> "Pipeline":
-    """Return the pipeline of a unit that knows its wearer not yet."""
-    import msgspec
-
-    from daemon.pipeline import Pipeline
-
-    bare = _without_wearer(known)
-    if learnt is not None:  # of the sensors, which are the same
-        learnt = msgspec.structs.replace(learnt, calibration_id=bare.id)
-    return Pipeline(bare, configuration.foothold, learnt)
 
 
 def _without_wearer(calibration: "UnitCalibration") -> "UnitCalibration":

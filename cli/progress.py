@@ -1,5 +1,6 @@
 """How far a long work is: a bar or a status at a terminal; elsewhere lines on stderr, for whoever follows a log."""
 
+import math
 import sys
 import threading
 import time
@@ -7,7 +8,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TypeVar
 
+from rich.live import Live
 from rich.progress import track
+from rich.text import Text
 
 from cli.console import console
 
@@ -75,6 +78,31 @@ def passing(items: Iterable[T], tell: Callable[[str], None], what: str, clock: C
             told_s = now_s
             tell(f"{what}: {done:,} so far")
         yield item
+
+
+class LiveLine:
+    """One line that is kept up to date: in its place at a terminal, else printed every ten seconds at most."""
+
+    def __init__(self) -> None:
+        self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
+        self._told_s = -math.inf
+
+    def __enter__(self) -> "LiveLine":
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def tell(self, line: str) -> None:
+        """Show `line` in place of the one before."""
+        if self._live is not None:
+            self._live.update(Text(line), refresh=True)
+        elif time.monotonic() - self._told_s >= LINE_EVERY_S:
+            self._told_s = time.monotonic()
+            console.print(line, soft_wrap=True)
 
 
 def _duration(seconds: float) -> str:

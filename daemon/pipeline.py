@@ -29,7 +29,9 @@ from messages import (
     Tick,
     UnitCalibration,
 )
+from perception.attitude.filter import AttitudeSettings
 from perception.attitude.history import AttitudeAt
+from perception.attitude.sensor_errors import MountingErrors, SensorErrors
 from perception.attitude.track import AttitudeTrack
 from perception.frame_guard import FrameGuard
 from perception.gait.gait import Gait, NextSteps
@@ -71,11 +73,17 @@ class Pipeline:
     """Attitude and the ground carried to each IMU sample; ground, the wearer's motion and terrain from each frame;
     health once a second."""
 
-    def __init__(self, calibration: UnitCalibration, foothold: FootholdSettings, learnt: Learnt | None = None) -> None:
+    def __init__(
+        self,
+        calibration: UnitCalibration,
+        foothold: FootholdSettings,
+        learnt: Learnt | None = None,
+        attitude: AttitudeSettings | None = None,
+    ) -> None:
         """Begin with what the unit has `learnt` in runs before; raises UserError where that is another unit's."""
         self._calibration_id = calibration.id
         self._foothold = foothold
-        self._attitude = AttitudeTrack(calibration, learnt)
+        self._attitude = AttitudeTrack(calibration, learnt, attitude)
         self._ground = GroundEstimator(calibration, foothold)
         self._health = HealthMonitor(calibration.id, "" if learnt is None else learnt.id)
         self._load = Load.NORMAL
@@ -101,6 +109,16 @@ class Pipeline:
     def learnt(self) -> Learnt:
         """Return what the unit has learnt of its sensors by now; it is another object whenever that has changed."""
         return self._attitude.learnt
+
+    @property
+    def sensor_errors(self) -> SensorErrors | None:
+        """Return what the attitude filter takes the sensors' errors for now; None where it is not valid."""
+        return self._attitude.sensor_errors if self._contradiction is Reason.NONE else None
+
+    @property
+    def mounting_errors(self) -> MountingErrors | None:
+        """Return what it has found of the camera's place in B and of its clock; None where it is not valid."""
+        return self._attitude.mounting_errors if self._contradiction is Reason.NONE else None
 
     @property
     def surfaces(self) -> PathSurfaces:

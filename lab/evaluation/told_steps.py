@@ -1,14 +1,15 @@
 """What the odometer would tell of a simulated walk, without a picture: true steps with noise of its size."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from messages import Calibration, vec3
+from messages import Attitude, Calibration, ImuSample, Reason, vec3
 from messages.arrays import FloatArray
 from perception.attitude.camera_step import CameraStep
+from perception.attitude.track import AttitudeTrack
 from sim_rig.unit import Unit
 from sim_rig.wearer import SimulatedWearer
 
@@ -67,6 +68,22 @@ def told_steps(wearer: SimulatedWearer, seconds: float, noise: OdometerNoise, se
                 calibration.X_BL.p_m,
             ),
         )
+
+
+def attitudes(track: AttitudeTrack, samples: Iterable[ImuSample], steps: Iterator[ToldStep]) -> Iterator[Attitude]:
+    """Yield what the service would say after each sample: invalid while the IMU contradicts the camera.
+
+    Steps are added behind the sample whose arrival they do not come after.
+    """
+    following = next(steps, None)
+    for sample in samples:
+        attitude = track.add_sample(sample)
+        yield track.invalid_at(sample.t_sample_ns) if track.contradiction is not Reason.NONE else attitude
+        while following is not None and following.t_told_ns <= sample.t_arrival_ns:
+            track.add_camera_step(following.step)
+            if track.contradiction is Reason.NONE:
+                track.checkpoint()
+            following = next(steps, None)
 
 
 def _depth_error(unit: Unit, calibration: Calibration) -> float:

@@ -25,7 +25,7 @@ from perception.attitude.kalman import AttitudeKalman
 from perception.attitude.movement import movement_covariance, unseen_travel
 from perception.attitude.path_length import Travel
 from perception.attitude.rest import Rest
-from perception.attitude.sensor_errors import SensorErrors
+from perception.attitude.sensor_errors import MountingErrors, SensorErrors
 from perception.attitude.state import AttitudeSettings, AttitudeState, Checkpoint, GroundMotion, Levelling, Sample
 
 __all__ = ["AttitudeFilter", "AttitudeSettings", "AttitudeState"]
@@ -179,6 +179,11 @@ class AttitudeFilter:
     def sensor_errors(self) -> SensorErrors:
         """Return what the sensors' errors are taken for, with their variances."""
         return self._kalman.sensor_errors(self._state)
+
+    @property
+    def mounting_errors(self) -> MountingErrors:
+        """Return what the camera's steps told of its place in B and of its clock."""
+        return self._kalman.mounting_errors(self._state)
 
     @property
     def rotation_cov_W(self) -> FloatArray:

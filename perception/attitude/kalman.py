@@ -50,7 +50,7 @@ from perception.attitude.error_state import (
     VELOCITY,
 )
 from perception.attitude.rest import Rest
-from perception.attitude.sensor_errors import SensorErrors
+from perception.attitude.sensor_errors import MountingErrors, SensorErrors
 from perception.attitude.state import AttitudeSettings, AttitudeState, GroundMotion, Sample, Step
 
 _I, _I3 = np.eye(SIZE), np.eye(3)
@@ -111,6 +111,12 @@ class AttitudeKalman:
         variances: list[float] = np.diag(state.covariance).tolist()
         gyro_var, sf_var = _vec3(variances, GYRO_BIAS), _vec3(variances, SF_BIAS)
         return SensorErrors(state.gyro_bias, gyro_var, state.sf_bias, sf_var, state.scale, variances[SCALE.start])
+
+    def mounting_errors(self, state: AttitudeState) -> MountingErrors:
+        """Return what is known of the camera's place in B and of its clock."""
+        P = state.covariance
+        lag_var = float(P[LAG, LAG][0, 0])
+        return MountingErrors(state.mount_B, P[MOUNT, MOUNT].copy(), state.lag_s, lag_var)
 
     def rate(self, state: AttitudeState, w_measured: Vec3) -> Vec3:
         """Return w of (1) in rad/s."""

@@ -3,6 +3,17 @@
 from typing import NamedTuple
 
 from messages import Vec3
+from messages.arrays import FloatArray
+
+
+class MountingErrors(NamedTuple):
+    """What the calibration has wrong of the camera: the small turn (3,) rad by which it stands otherwise in B, its
+    covariance (3, 3), and by how much later than stamped its pictures are, with its variance."""
+
+    turn_B: Vec3
+    turn_covariance: FloatArray
+    lag_s: float
+    lag_var: float
 
 
 class SensorErrors(NamedTuple):

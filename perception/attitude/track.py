@@ -31,6 +31,7 @@ from perception.attitude.imu_model import corrected
 from perception.attitude.learnt import SensorLearning
 from perception.attitude.movement import Movement
 from perception.attitude.path_length import PathLength, Travel
+from perception.attitude.sensor_errors import MountingErrors, SensorErrors
 from perception.attitude.state import Sample
 from perception.vec3 import between, minus
 
@@ -42,12 +43,14 @@ class AttitudeTrack:
     integrated backwards, so that a frame exposed during it can still be placed.
     """
 
-    def __init__(self, calibration: UnitCalibration, learnt: Learnt | None = None) -> None:
+    def __init__(
+        self, calibration: UnitCalibration, learnt: Learnt | None = None, settings: AttitudeSettings | None = None
+    ) -> None:
         """Begin with what the unit has `learnt`; raises UserError where that does not belong to `calibration`."""
         self._imu = calibration.imu
         self._calibration_id = calibration.id
         self._time_std_s = calibration.residual.time_s
-        self._filter = AttitudeFilter(AttitudeSettings(), calibration.residual)
+        self._filter = AttitudeFilter(settings or AttitudeSettings(), calibration.residual)
         self._history = AttitudeHistory(length_s=_HISTORY_S)
         self._longest_step_ns = round(1e9 * self._filter.settings.gap_s)
         self._before_start: deque[tuple[int, Vec3]] = deque(maxlen=_MOST_BEFORE_START)
@@ -65,6 +68,20 @@ class AttitudeTrack:
     def learnt(self) -> Learnt:
         """Return what is known of the sensors by now, of this run and those before it."""
         return self._learning.learnt
+
+    @property
+    def sensor_errors(self) -> SensorErrors | None:
+        """Return what the filter takes the sensors' errors for now; None where nothing is known, or it contradicts."""
+        return self._filter.sensor_errors if self._tells else None
+
+    @property
+    def mounting_errors(self) -> MountingErrors | None:
+        """Return what the camera's steps tell of its place and its clock; None as for the sensors' errors."""
+        return self._filter.mounting_errors if self._tells else None
+
+    @property
+    def _tells(self) -> bool:
+        return self._filter.status is Status.VALID and self.contradiction is Reason.NONE
 
     @property
     def reason(self) -> Reason:

@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from calib.files import parse_calibration
@@ -38,12 +39,16 @@ class Track:
 
 @dataclass(frozen=True)
 class WearableFiles:
-    """What a folder holds. `mcap` is opened anew by who reads it, because its pictures fill the memory."""
+    """What a folder holds. `mcap` is opened anew by who reads it, because its pictures fill the memory.
+
+    `stamp_shift_s` is added to the frames' stamps, where `calibration` is not the one they were stamped with.
+    """
 
     mcap: Path
     calibration: Calibration
     ground: Track
     reference: Track | None
+    stamp_shift_s: float = 0.0
 
 
 def read_files(folder: Path) -> WearableFiles:
@@ -69,7 +74,24 @@ def read_samples(files: WearableFiles) -> list[ImuSample]:
 
 def read_frames(files: WearableFiles) -> Iterator[StereoFrame]:
     """Yield the stereo frames, one in memory at a time."""
-    return (message for message in McapRecording(files.mcap).inputs() if isinstance(message, StereoFrame))
+    shift_ns = round(1e9 * files.stamp_shift_s)
+    for message in McapRecording(files.mcap).inputs():
+        if isinstance(message, StereoFrame):
+            t_ns = message.header.t_exposure_ns + shift_ns
+            header = msgspec.structs.replace(message.header, t_exposure_ns=t_ns)
+            yield msgspec.structs.replace(message, header=header)
+
+
+def with_calibration(files: WearableFiles, calibration: Calibration) -> WearableFiles:
+    """Return the files as they would be with another calibration of the unit. Raises UserError for another size."""
+    before, after = files.calibration.stereo, calibration.stereo
+    sizes = [(each.left.width_px, each.left.height_px) for each in (before, after)]
+    if sizes[0] != sizes[1]:
+        raise UserError(
+            f"{files.mcap}: frames are {sizes[0]} px, calibration '{calibration.unit}' is for {sizes[1]} px"
+        )
+    shift_s = after.stamp_to_mid_exposure_s - before.stamp_to_mid_exposure_s
+    return replace(files, calibration=calibration, stamp_shift_s=files.stamp_shift_s + shift_s)
 
 
 def _only_mcap(folder: Path) -> Path:

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from discrepancy.simulation import Channels, Effect, Parameter, Values
-from messages import FrameHeader
+from discrepancy.values import predicted
+from messages import Calibration, FrameHeader
 from messages.arrays import BoolArray, FloatArray, IntArray
 from messages.errors import UserError
 from perception.depth.stereo_camera import StereoCamera
@@ -23,7 +24,14 @@ from systems.wearable.effects import library
 from systems.wearable.ground_path import GRID_S, Attitude, GroundPath, Smooth
 from systems.wearable.own_attitude import own_attitude
 from systems.wearable.pictures import COLUMNS, LAGS_PX, PATCHES, ROWS, FrameNumbers, Layout, measure
-from systems.wearable.recording import LEAST_FRAMES, WearableFiles, read_files, read_frames, read_samples
+from systems.wearable.recording import (
+    LEAST_FRAMES,
+    WearableFiles,
+    read_files,
+    read_frames,
+    read_samples,
+    with_calibration,
+)
 
 SYSTEM = "wearable"
 _POLYNOMIALS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
@@ -48,6 +56,18 @@ _MOST_SWING_SHARE = 0.45
 def load(folder: Path) -> "WearableSimulation":
     """Return the simulation of the recording in `folder`; raises UserError with one line."""
     return WearableSimulation(read_files(folder))
+
+
+def misfit(folder: Path, calibration: Calibration) -> float:
+    """Return what a unit of this calibration, without any effect, misses of a recording.
+
+    It is the root mean square over all channels, in units of their noise. Raises UserError with one line.
+    """
+    simulation = WearableSimulation(with_calibration(read_files(folder), calibration))
+    channels = simulation.channels
+    noise = 1.0 if channels.noise_std is None else channels.noise_std
+    off: FloatArray = (channels.values - predicted(simulation, {})) / noise
+    return float(np.sqrt(np.nanmean(off**2)))
 
 
 class WearableSimulation:

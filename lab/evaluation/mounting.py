@@ -1,0 +1,88 @@
+"""A unit that walks for a minute with a camera that stands otherwise than calibrated: does `calib.mount` find it?"""
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+
+from calib.mount import RIGID, Found, Mounted, brought_near, doubted, mounted
+from lab.evaluation.told_steps import OdometerNoise, ToldStep, attitudes, told_steps
+from messages import Calibration, ImuSample, UserError, matrix3
+from messages.arrays import FloatArray
+from perception import so3
+from perception.attitude.track import AttitudeTrack
+from sim_rig.walk.legs import Stand
+from sim_rig.walk.scenario import Pace, Scenario
+from sim_rig.walk.world import WorldBuilder
+from sim_rig.wearer import SimulatedWearer
+
+_START_NS = 10_000_000_000
+SECONDS = 60.0
+_ANGLE_RAD, _LAG_S = np.radians(1.0), 5e-3
+_NOISE = OdometerNoise(0.012, float(np.radians(0.4)))
+
+
+def stop_and_go(pace: Pace) -> Scenario:
+    """Return a minute as the command asks for: standing, walking, standing, walking."""
+    world = WorldBuilder().level(20.0, "concrete").level(60.0, "asphalt").build()
+    legs = (Stand(3.0), pace.to(18.0), Stand(2.0), pace.to(36.0), Stand(2.0), pace.to(75.0), Stand(0.5))
+    return Scenario("stop and go", "level ground, with stops", world, legs)
+
+
+class Trial:
+    """One unit, its walk, and the true errors of the calibration that it is given."""
+
+    def __init__(self, seed: int) -> None:
+        chance = np.random.default_rng([seed, 23])
+        self.wearer = SimulatedWearer(seed, stop_and_go(_pace(chance)), _START_NS)
+        self._seed = seed
+        self._samples = list(self.wearer.offline_samples(SECONDS))
+        self._true_stamp_s = self.wearer.unit.stereo.stamp_to_mid_exposure_s
+        self._base = self.wearer.calibration
+        turn = so3.exp(chance.normal(0.0, _ANGLE_RAD, 3))
+        X_BL = msgspec.structs.replace(self._base.X_BL, R=matrix3(turn @ np.array(self.wearer.unit.X_BL.R)))
+        stereo = msgspec.structs.replace(
+            self._base.stereo, stamp_to_mid_exposure_s=self._true_stamp_s + float(chance.normal(0.0, _LAG_S))
+        )
+        self.given = msgspec.structs.replace(self._base, X_BL=X_BL, stereo=stereo)
+
+    def found(self) -> Mounted:
+        """Return what two passes find. Raises UserError where they are refused."""
+        near = self.given
+        first = self._pass(doubted(near, first=True))
+        near = brought_near(near, first.mounting)
+        return mounted(self.given, near, self._pass(doubted(near, first=False)), f"unit {self._seed}")
+
+    def errors(self, made: Calibration) -> tuple[FloatArray, float]:
+        """Return by what (3,) rad and s a calibration's camera and stamps are off."""
+        turn = so3.log(np.array(made.X_BL.R) @ np.array(self.wearer.unit.X_BL.R).T)
+        return turn, made.stereo.stamp_to_mid_exposure_s - self._true_stamp_s
+
+    def _pass(self, calibration: Calibration) -> Found:
+        self.wearer.calibration = calibration
+        shift_ns = round(1e9 * (calibration.stereo.stamp_to_mid_exposure_s - self._base.stereo.stamp_to_mid_exposure_s))
+        track, samples = AttitudeTrack(calibration, settings=RIGID), self._samples
+        steps = (_shifted(told, shift_ns) for told in told_steps(self.wearer, SECONDS, _NOISE, self._seed))
+        for _ in attitudes(track, samples, steps):
+            pass
+        mounting, sensors = track.mounting_errors, track.sensor_errors
+        if mounting is None or sensors is None:
+            raise UserError(f"unit {self._seed}: {track.reason.value or track.contradiction.value}")
+        return Found(mounting, sensors, _mean_temperature(samples))
+
+
+def _shifted(told: ToldStep, shift_ns: int) -> ToldStep:
+    step = told.step
+    return replace(
+        told,
+        step=replace(step, t_before_ns=step.t_before_ns + shift_ns, t_after_ns=step.t_after_ns + shift_ns),
+    )
+
+
+def _mean_temperature(samples: list[ImuSample]) -> float:
+    return float(np.mean([sample.temperature_degC for sample in samples]))
+
+
+def _pace(chance: np.random.Generator) -> Pace:
+    speed_mps = chance.uniform(0.8, 1.6)
+    return Pace(float(speed_mps), float(1.8 * np.sqrt(speed_mps / 1.2) + chance.normal(0.0, 0.05)))
