@@ -45,6 +45,7 @@ from messages import (
     Tick,
     WearerHeight,
 )
+from messages.constants import NORMAL_95
 from perception.ground.foothold import FootholdSettings
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
@@ -79,10 +80,10 @@ class Errors(msgspec.Struct, kw_only=True):
         self.frames += 1
         self.height_m2 += height_m**2
         self.height_var_m2 += ground.covariance[5]
-        self.height_within += height_m**2 < 1.96**2 * ground.covariance[5]
+        self.height_within += height_m**2 < NORMAL_95**2 * ground.covariance[5]
         self.slope_rad2 += slope_rad**2
         self.slope_var_rad2 += ground.covariance[0]
-        self.slope_within += slope_rad**2 < 1.96**2 * ground.covariance[0]
+        self.slope_within += slope_rad**2 < NORMAL_95**2 * ground.covariance[0]
 
     def row(self) -> str:
         """Return RMS error, RMS deviation and share within 95 %, of the height and of the slope."""

@@ -13,6 +13,7 @@ from rich.progress import track as progress
 from lab.evaluation.mounting import Trial
 from messages import UserError
 from messages.arrays import BoolArray, FloatArray
+from messages.constants import NORMAL_95
 
 
 def main() -> None:
@@ -33,8 +34,8 @@ def main() -> None:
         turn, lag_s = trial.errors(found.calibration)
         angles.append(np.abs(turn))
         lags.append(abs(lag_s))
-        angle_inside.append(np.abs(turn) <= 1.96 * found.turn_std)
-        lag_inside.append(abs(lag_s) <= 1.96 * found.lag_std)
+        angle_inside.append(np.abs(turn) <= NORMAL_95 * found.turn_std)
+        lag_inside.append(abs(lag_s) <= NORMAL_95 * found.lag_std)
         stds.append(float(found.turn_std.max()))
     off = np.degrees(np.array(angles))
     print(

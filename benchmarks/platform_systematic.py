@@ -27,6 +27,7 @@ from impedance.identification.identification import identify
 from impedance.identification.observability import NAMES, about_cog
 from impedance.recording.recording import PlatformRecording, Poses
 from messages.arrays import FloatArray
+from messages.constants import NORMAL_95
 from messages.errors import UserError
 from sim_rig.platform.rig import FOOT, PLATE, Rig
 from sim_rig.platform.run import RunSettings, SimulatedRun, bare_plate_tare, measured, simulate
@@ -161,7 +162,7 @@ def judged(name: str, sizes: Sizes, runs: tuple[SimulatedRun, SimulatedRun], dra
         ]
         holds.append(np.concatenate(inside))
         half.append(np.concatenate([np.diff(found.interval)[:, 0] / 2.0 for found in (plate, foot)]))
-        noise_half.append(np.concatenate([1.96 * found.noise_deviation for found in (plate, foot)]))
+        noise_half.append(np.concatenate([NORMAL_95 * found.noise_deviation for found in (plate, foot)]))
     return Judged(name, refused, np.array(holds, dtype=np.float64), np.array(half), np.array(noise_half))
 
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cli.options import CONFIG_FILE, ConfigFile, JsonFile
-from messages.constants import STANDARD_GRAVITY_MPS2
 
 if TYPE_CHECKING:
     from calib.imu.allan import AxisNoise
@@ -243,6 +242,7 @@ def _facts(fit: "ImuFit") -> dict[str, object]:
 
 def _tell_noise(axes: list["AxisNoise"], rest_s: float, where: str, *, in_counts: bool) -> None:
     from cli.console import console, table
+    from messages.constants import STANDARD_GRAVITY_MPS2
     from perception.attitude.filter import AttitudeSettings
 
     settings = AttitudeSettings()

@@ -178,19 +178,21 @@ def _stamped(frame: "StereoFrame", shift_s: float) -> "StereoFrame":
 
 def _tell(made: "Mounted", file: Path) -> None:
     from cli.console import table
+    from messages.constants import NORMAL_95
 
     degrees = math.degrees(1.0)
     rows = [
         [
             f"camera turned about the IMU's {axis}",
             f"{degrees * turn:+.3f}",
-            f"± {1.96 * degrees * std:.3f}",
+            f"± {NORMAL_95 * degrees * std:.3f}",
             "°",
         ]
         for axis, turn, std in zip("xyz", made.turn_B.tolist(), made.turn_std.tolist(), strict=True)
     ]
-    rows.append(["pictures later than stamped", f"{1e3 * made.lag_s:+.2f}", f"± {1.96e3 * made.lag_std:.2f}", "ms"])
-    rows.append(["distances too long (not changed)", f"{100 * made.scale:+.2f}", f"± {196 * made.scale_std:.2f}", "%"])
+    half_ms, half_percent = 1e3 * NORMAL_95 * made.lag_std, 100.0 * NORMAL_95 * made.scale_std
+    rows.append(["pictures later than stamped", f"{1e3 * made.lag_s:+.2f}", f"± {half_ms:.2f}", "ms"])
+    rows.append(["distances too long (not changed)", f"{100 * made.scale:+.2f}", f"± {half_percent:.2f}", "%"])
     table(f"{file}: against what it said before", ["", "value", "95 %", "unit"], rows)
 
 

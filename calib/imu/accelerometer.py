@@ -18,6 +18,7 @@ from scipy.stats import t as student
 
 from calib.imu.rests import Rest, faces_of
 from messages.arrays import BoolArray, FloatArray
+from messages.constants import NORMAL_95
 
 NAMES = ("bias_x", "bias_y", "bias_z", "scale_x", "scale_y", "scale_z", "cross_xy", "cross_xz", "cross_yz")
 """Of the nine parameters: bias as a share of gravity; S − 1 on and off its diagonal."""
@@ -86,7 +87,7 @@ def fit_accelerometer(rests: Sequence[Rest], gravity: float, gravity_std: float 
     inverse = np.linalg.inv(Jw.T @ Jw + np.diag(PRIOR_STD**-2.0))
     leverage = np.einsum("ni,ij,nj->n", Jw, inverse, Jw)
     freedom = len(rests) - float(leverage.sum())
-    variance, times = (ASSUMED_STD / float(np.median(std))) ** 2, 1.96
+    variance, times = (ASSUMED_STD / float(np.median(std))) ** 2, NORMAL_95
     if freedom >= _LEAST_FREEDOM:
         variance, times = float((((1.0 - norm) / std) ** 2).sum()) / freedom, float(student.ppf(0.975, freedom))
     covariance = np.linalg.inv(Jw.T @ Jw / max(variance, 1e-12) + np.diag(PRIOR_STD**-2.0))
@@ -102,7 +103,9 @@ def fit_accelerometer(rests: Sequence[Rest], gravity: float, gravity_std: float 
         bias=x[:3] * gravity,
         values=x,
         std=deviation,
-        half_width=np.minimum(times, 1.96 * PRIOR_STD / deviation) * deviation if freedom < 1 else times * deviation,
+        half_width=np.minimum(times, NORMAL_95 * PRIOR_STD / deviation) * deviation
+        if freedom < 1
+        else times * deviation,
         supported=deviation < SUPPORTED_STD,
         norm=length - 1.0,
         norm_left_out=(length - 1.0) / np.maximum(1e-3, 1.0 - leverage),

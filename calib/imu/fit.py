@@ -15,7 +15,7 @@ from calib.imu.rests import Rest, find_rests
 from calib.strict_yaml import CalibrationError
 from messages import ImuCalibration, Residual, UserError, matrix3, vec3
 from messages.arrays import FloatArray
-from messages.constants import STANDARD_GRAVITY_MPS2
+from messages.constants import NORMAL_95, STANDARD_GRAVITY_MPS2
 
 LEAST_RESTS = 3
 GRAVITY_MPS2 = (9.76, 9.84)
@@ -65,7 +65,7 @@ class ImuFit:
         if gyro is None:
             return found
         for k, axis in enumerate(_AXES):
-            value, half = math.degrees(gyro.bias[k]), 1.96 * math.degrees(gyro.bias_std[k])
+            value, half = math.degrees(gyro.bias[k]), NORMAL_95 * math.degrees(gyro.bias_std[k])
             found[f"gyro.bias_{axis}"] = Value(value, value - half, value + half, "°/s", True)
         for i, j in np.ndindex(3, 3):
             name = f"gyro.scale_{_AXES[i]}" if i == j else f"gyro.cross_{_AXES[i]}{_AXES[j]}"

@@ -21,6 +21,7 @@ from scipy.stats import t as student
 from calib.imu.log import ImuLog
 from calib.imu.rests import Rest
 from messages.arrays import BoolArray, FloatArray
+from messages.constants import NORMAL_95
 
 PRIOR_STD = np.where(np.eye(3, dtype=np.bool_), 0.5, 0.05).ravel()
 """Of M: counts may be stated wrongly by a third; axes lie in the chip to some degrees."""
@@ -138,7 +139,7 @@ def _solved(turns: list[_Turn], start: FloatArray) -> tuple[FloatArray, FloatArr
     missed, J = _missed(turns, M)
     Jw = J / std[:, None]
     freedom = 2.0 * len(turns) - float(np.trace(np.linalg.solve(normal, Jw.T @ Jw)))
-    variance, times = 1.0, 1.96
+    variance, times = 1.0, NORMAL_95
     if freedom >= _LEAST_FREEDOM:
         variance, times = float(((missed / std) ** 2).sum()) / freedom, float(student.ppf(0.975, freedom))
     return M, np.linalg.inv(Jw.T @ Jw / max(variance, 1e-12) + prior), times

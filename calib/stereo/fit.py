@@ -16,6 +16,7 @@ from calib.stereo.bundle import K3, LENS_TERMS, SHAPE, Bundle, SeenPair, Solved,
 from calib.stereo.consequences import Consequences, consequences
 from messages import Lens, Pose, Residual, StereoCalibration, UserError, matrix3, vec3
 from messages.arrays import FloatArray
+from messages.constants import NORMAL_95
 
 LEAST_VIEWS = 5
 _WHOLE_FIT_VIEWS = 8
@@ -28,7 +29,6 @@ _BAD_VIEW = 2.5
 _WORTH = 10.0
 """By which a model's −2 log likelihood must fall for each further parameter: errors of corners are not independent."""
 _MOST_FOCAL_STD = 0.01
-_CONFIDENCE = 1.96
 
 
 class Quantity(NamedTuple):
@@ -246,7 +246,7 @@ def _quantities(bundle: Bundle, std: FloatArray, worth: Consequences) -> dict[st
 
     def add(name: str, value: float, error: float, unit: str) -> None:
         if error > 0.0:
-            found[name] = Quantity(value, value - _CONFIDENCE * error, value + _CONFIDENCE * error, unit)
+            found[name] = Quantity(value, value - NORMAL_95 * error, value + NORMAL_95 * error, unit)
 
     for eye, at, lens in (("left", 0, bundle.left), ("right", LENS_TERMS, bundle.right)):
         for k, name in enumerate(_LENS_NAMES):

@@ -9,6 +9,7 @@ import numpy as np
 from cli.viewer.board import Board
 from daemon.pipeline import NO_FRAME_SEQ
 from messages import Attitude, Estimate, GroundPlane, GroundTruth, Health, Motion, Status, Terrain, UnitCalibration
+from messages.constants import NORMAL_95
 from messages.estimates import full_matrix
 from perception import so3
 
@@ -113,7 +114,7 @@ def health_rows(health: Health) -> list[tuple[str, str]]:
 
 def _with_band(value: float, sd: float) -> tuple[float | None, float | None, float | None]:
     """Return a value with the ends of its 95 % interval."""
-    return _known(value), _known(value - _TWO_SIDED_95 * sd), _known(value + _TWO_SIDED_95 * sd)
+    return _known(value), _known(value - NORMAL_95 * sd), _known(value + NORMAL_95 * sd)
 
 
 def _known(value: float) -> float | None:
@@ -153,6 +154,3 @@ def _latency_words(latencies_ms: Sequence[float]) -> str:
         return "—"
     p50, p99 = np.percentile(latencies_ms, (50, 99))
     return f"p50 {p50:.0f}, p99 {p99:.0f}, most {max(latencies_ms):.0f} ms, of the last {len(latencies_ms)}"
-
-
-_TWO_SIDED_95 = 1.96

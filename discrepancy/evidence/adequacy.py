@@ -46,7 +46,7 @@ class Left:
     line: Line | None
 
     @property
-    def rms(self) -> FloatArray:
+    def channel_rms(self) -> FloatArray:
         """Return the residual's root mean square (c,)."""
         valid = self.problem.valid
         power = (self.residual**2 * valid).sum(axis=1) / np.maximum(valid.sum(axis=1), 1)
@@ -56,7 +56,7 @@ class Left:
     def good_enough(self) -> BoolArray:
         """Return which channels (c,) are within the tolerance that was stated."""
         tolerance = self.problem.channels.tolerance
-        return np.zeros(self.problem.c, bool) if tolerance is None else np.asarray(self.rms <= tolerance)
+        return np.zeros(self.problem.c, bool) if tolerance is None else np.asarray(self.channel_rms <= tolerance)
 
     def line_hz(self) -> float:
         """Return the line's frequency, NaN without one."""
@@ -79,7 +79,7 @@ def adequacy(here: Left, elsewhere: Left | None) -> tuple[Adequacy, Predictable]
     count = np.maximum(white.kept.sum(axis=1), 1)
     unit = own / np.sqrt(np.maximum((own**2).sum(axis=1) / count, np.finfo(float).tiny))[:, None]
     known = problem.noise
-    level = here.rms / known.std if known is not None else np.full(problem.c, np.nan)
+    level = here.channel_rms / known.std if known is not None else np.full(problem.c, np.nan)
     by_chance = _level_by_chance(problem, white)
     counts = ~here.good_enough
     share = np.where(counts, found.share, 0.0)
@@ -128,10 +128,10 @@ def grown(here: Left, elsewhere: Left) -> str | None:
 
     A noise that is known judges each recording by itself.
     """
-    if here.problem.noise is not None or not np.all(here.rms > 0.0):
+    if here.problem.noise is not None or not np.all(here.channel_rms > 0.0):
         return None
     chance = _level_by_chance(elsewhere.problem, elsewhere.white) * _level_by_chance(here.problem, here.white)
-    times = np.where(elsewhere.good_enough, 0.0, elsewhere.rms / here.rms)
+    times = np.where(elsewhere.good_enough, 0.0, elsewhere.channel_rms / here.channel_rms)
     row = int(np.argmax(times / chance))
     if times[row] <= _GROWN * chance[row]:
         return None

@@ -6,7 +6,7 @@ of twenty where
 
     √(s² F) > √(threshold + penalty) + 1.645                                                                       (1)
 
-and is larger than its scale where s > 1 + (1.96 + 1.645) / √F.                                                    (2)
+and is larger than its scale where s > 1 + (z₉₇.₅ + z₉₅) / √F.                                                      (2)
 """
 
 from collections.abc import Sequence
