@@ -95,6 +95,7 @@ def fit_accelerometer(rests: Sequence[Rest], gravity: float, gravity_std: float 
     common[3:6] = gravity_std
     covariance = covariance + np.outer(common, common)
     deviation = np.sqrt(np.diag(covariance))
+    half_width = times * deviation if freedom >= 1 else np.minimum(times * deviation, NORMAL_95 * PRIOR_STD)
     S = _matrix(x)
     told = (means - x[:3]) @ S.T
     length = np.linalg.norm(told, axis=1)
@@ -103,9 +104,7 @@ def fit_accelerometer(rests: Sequence[Rest], gravity: float, gravity_std: float 
         bias=x[:3] * gravity,
         values=x,
         std=deviation,
-        half_width=np.minimum(times, NORMAL_95 * PRIOR_STD / deviation) * deviation
-        if freedom < 1
-        else times * deviation,
+        half_width=half_width,
         supported=deviation < SUPPORTED_STD,
         norm=length - 1.0,
         norm_left_out=(length - 1.0) / np.maximum(1e-3, 1.0 - leverage),
