@@ -11,7 +11,19 @@ from tests.kernel.machine.host import PROJECT, PYTHON_PATH, WORKSHOP, FailedErro
 from tests.kernel.machine.scene import scene_file
 
 PROJECT_PARTS = (
-    *("messages", "perception", "impedance", "discrepancy", "drivers", "calib", "daemon", "systems", "sim_rig", "lab"),
+    *(
+        "messages",
+        "reports",
+        "perception",
+        "impedance",
+        "discrepancy",
+        "drivers",
+        "calib",
+        "daemon",
+        "systems",
+        "sim_rig",
+        "lab",
+    ),
     *("cli", "gaiteyes"),
     *("tests", "systemd", "examples", "pyproject.toml", "Makefile", "constraints.txt", "README.md", "LICENSE"),
 )
