@@ -47,7 +47,7 @@ def test_what_a_service_says_is_shown_and_again_after_a_new_start(calibration: C
     with _running(calibration):
         assert devices_here() == ["bench"]
         threading.Thread(target=follow_device, args=("bench", board), daemon=True).start()
-        _until(lambda: _news(board).picture > 3)
+        _until(lambda: _news(board).picture > 3 and b"no ground: low_texture" in _news(board).text)
         news = _news(board)
         facts = msgspec.json.decode(news.text)["facts"]
         assert facts["source"] == "simulated"
