@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tests.bench.narrow_page import chromium, photographed
+from tests.bench.browser import chromium
+from tests.bench.narrow_page import photographed
 from tests.docs.snippets import environment, snippets
 
 PAGE = Path(__file__).parent / "your-data.md"

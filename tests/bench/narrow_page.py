@@ -5,7 +5,6 @@ A window of Chromium is no narrower than 500 pixels, so the page stands in a fra
 
 import os
 import re
-import shutil
 import subprocess
 from html import escape
 from pathlib import Path
@@ -14,7 +13,6 @@ from tempfile import TemporaryDirectory
 import cv2
 
 NARROW_PX = 420
-_PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 _AROUND = """<body style="margin:0">
 <iframe id="page" width="{width}" height="{height}" style="border:0" srcdoc="{page}"></iframe><script>
 const page = document.getElementById("page");
@@ -25,11 +23,6 @@ page.onload = () => {{
   document.body.dataset.found = inside.documentElement.scrollWidth + " " + Math.min(...sizes);
 }};
 </script></body>"""
-
-
-def chromium() -> str | None:
-    """Return the path of a Chromium of this machine, if there is one."""
-    return next(filter(None, map(shutil.which, _PROGRAMS)), None)
 
 
 def measured(program: str, page: Path) -> tuple[int, float]:

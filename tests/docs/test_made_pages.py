@@ -6,7 +6,8 @@ from pathlib import Path
 import cv2
 import pytest
 
-from tests.bench.narrow_page import NARROW_PX, chromium
+from tests.bench.browser import chromium
+from tests.bench.narrow_page import NARROW_PX
 from tests.docs.pages import ROOT
 
 

@@ -1,7 +1,6 @@
 """What all packages share stands once, and is what it claims to be."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,28 +10,13 @@ from scipy.stats import norm
 from messages import TOPICS
 from messages.arrays import column_rms, rms
 from messages.constants import NORMAL_95, STANDARD_GRAVITY_MPS2
-
-ROOT = Path(__file__).parents[2]
-PACKAGES = (
-    "messages",
-    "reports",
-    "perception",
-    "impedance",
-    "discrepancy",
-    "drivers",
-    "calib",
-    "daemon",
-    "systems",
-    "sim_rig",
-    "lab",
-    "cli",
-)
+from tests.bench.packages import PACKAGES, PROJECT
 
 
 def homes(pattern: str) -> set[str]:
     """Return the source files with a line of code that matches."""
-    files = (path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
-    return {str(path.relative_to(ROOT)) for path in files if re.search(pattern, path.read_text(), re.MULTILINE)}
+    files = (path for package in PACKAGES for path in (PROJECT / package).rglob("*.py"))
+    return {str(path.relative_to(PROJECT)) for path in files if re.search(pattern, path.read_text(), re.MULTILINE)}
 
 
 @pytest.mark.parametrize(

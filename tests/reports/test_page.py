@@ -14,9 +14,10 @@ from reports.content import Section, Table
 from reports.drawing import WIDTH_IN, drawing
 from reports.page import write_sections
 from reports.provenance import provenance
+from tests.bench.browser import chromium
 from tests.bench.explained import explanation, toy
 from tests.bench.html_page import read
-from tests.bench.narrow_page import NARROW_PX, chromium, measured
+from tests.bench.narrow_page import NARROW_PX, measured
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("jinja2")

@@ -5,26 +5,14 @@ import shutil
 import subprocess
 from pathlib import Path
 
+from tests.bench.packages import PACKAGES
 from tests.kernel.machine import host
 from tests.kernel.machine.disk import make_disk
 from tests.kernel.machine.host import PROJECT, PYTHON_PATH, WORKSHOP, FailedError, remove, run
 from tests.kernel.machine.scene import scene_file
 
 PROJECT_PARTS = (
-    *(
-        "messages",
-        "reports",
-        "perception",
-        "impedance",
-        "discrepancy",
-        "drivers",
-        "calib",
-        "daemon",
-        "systems",
-        "sim_rig",
-        "lab",
-    ),
-    *("cli", "gaiteyes"),
+    *PACKAGES,
     *("tests", "systemd", "examples", "pyproject.toml", "Makefile", "constraints.txt", "README.md", "LICENSE"),
 )
 
