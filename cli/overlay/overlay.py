@@ -3,18 +3,15 @@
 from collections.abc import Callable
 
 from cli.overlay.drawing import drawn
+from cli.overlay.newest_inputs import NewestInputs
 from cli.overlay.picture_files import PictureFiles
 from cli.overlay.said_of_frames import SaidOfFrames
-from daemon.config import parse_configuration
 from messages import (
-    DepthFrame,
     Estimate,
     Frame,
     GroundPlane,
     Image,
     Input,
-    Reconfigured,
-    StereoFrame,
     Terrain,
     UnitCalibration,
 )
@@ -38,27 +35,21 @@ class Overlay:
         shown: Callable[[Image], Image | None] = lambda image: image,
     ) -> None:
         self._said = SaidOfFrames(calibration)
-        self._foothold = foothold
+        self._inputs = NewestInputs(foothold)
         self._files = files
         self._surfaces = surfaces
         self._shown = shown
-        self._frames: dict[int, Frame] = {}
         self._frame: Frame | None = None
 
     def add_input(self, message: Input) -> None:
         """Take one input, before the pipeline does."""
-        if isinstance(message, StereoFrame | DepthFrame):
-            self._frames[message.header.t_exposure_ns] = message
-            while len(self._frames) > _MOST_FRAMES:
-                self._frames.pop(next(iter(self._frames)))
-        elif isinstance(message, Reconfigured):
-            self._foothold = parse_configuration(message.configuration, "new configuration").foothold
+        self._inputs.add(message)
 
     def add_estimate(self, estimate: Estimate) -> None:
         """Take one estimate; the picture is written once all is said of its frame."""
         if isinstance(estimate, GroundPlane):
             self._finish()
-            self._frame = self._frames.pop(estimate.t_exposure_ns, None)
+            self._frame = self._inputs.take(estimate.t_exposure_ns)
         self._said.add(estimate)
         if isinstance(estimate, Terrain):
             self._said.add_surfaces(estimate.t_exposure_ns, self._surfaces())
@@ -72,7 +63,4 @@ class Overlay:
         said = None if frame is None else self._said.about(frame.header.t_exposure_ns)
         image = None if frame is None or said is None else self._shown(frame.images[0])
         if said is not None and image is not None:
-            self._files.write(drawn(image, said, self._foothold))
-
-
-_MOST_FRAMES = 4
+            self._files.write(drawn(image, said, self._inputs.foothold))

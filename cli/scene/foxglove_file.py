@@ -6,21 +6,18 @@ from pathlib import Path
 from foxglove import Channel, Context, open_mcap
 from foxglove.messages import CameraCalibration, CompressedImage, FrameTransform, SceneUpdate
 
+from cli.overlay.newest_inputs import NewestInputs
 from cli.overlay.said_of_frames import SaidOfFrames
 from cli.overlay.shapes import shapes
 from cli.scene import conversion
-from daemon.config import parse_configuration
 from daemon.recording_file import viewer_schema
 from daemon.replay_source import ReplaySource
 from messages import (
     TOPICS,
-    DepthFrame,
     Estimate,
     Frame,
     GroundPlane,
     Input,
-    Reconfigured,
-    StereoFrame,
     Terrain,
     UserError,
     capture_ns,
@@ -31,7 +28,6 @@ from perception.terrain.surfaces import PathSurfaces
 PICTURE, CALIBRATION, SCENE, TRANSFORMS = "/camera/image", "/camera/calibration", "/scene", "/tf"
 LAYOUT = Path(__file__).parent / "layout.json"
 """For Foxglove's "Import from file": picture with the scene drawn in, the scene in space, slope, height, health."""
-_MOST_FRAMES = 4
 
 
 class FoxgloveFile:
@@ -46,11 +42,10 @@ class FoxgloveFile:
             raise UserError(f"--foxglove {path}: the name must end in .mcap")
         self._calibration = source.calibration
         self._eye = conversion.camera_of(source.calibration)
-        self._foothold = source.configuration.foothold
+        self._inputs = NewestInputs(source.configuration.foothold)
         self._offset_ns = source.utc_offset_ns or 0
         self._surfaces = surfaces
         self._said = SaidOfFrames(source.calibration)
-        self._frames: dict[int, Frame] = {}
         self._now_ns = 0
         context = self._context = Context()  # kept, because its end closes its channels
         try:
@@ -77,20 +72,16 @@ class FoxgloveFile:
 
     def add_input(self, message: Input) -> None:
         """Take one input, before the pipeline does."""
-        if isinstance(message, StereoFrame | DepthFrame):
-            self._frames[message.header.t_exposure_ns] = message
-            while len(self._frames) > _MOST_FRAMES:
-                self._frames.pop(next(iter(self._frames)))
-        elif isinstance(message, Reconfigured):
-            self._foothold = parse_configuration(message.configuration, "new configuration").foothold
+        self._inputs.add(message)
 
     def add_estimate(self, estimate: Estimate) -> None:
         """Take one estimate; the frame's picture, transforms and scene are written after its last."""
         self._now_ns = max(self._now_ns, capture_ns(estimate))
         self._estimates[type(estimate)].log(encode(estimate), log_time=self._log_ns)
         self._said.add(estimate)
-        if isinstance(estimate, GroundPlane) and estimate.t_exposure_ns in self._frames:
-            self._write_picture(self._frames.pop(estimate.t_exposure_ns))
+        frame = self._inputs.take(estimate.t_exposure_ns) if isinstance(estimate, GroundPlane) else None
+        if frame is not None:
+            self._write_picture(frame)
         elif isinstance(estimate, Terrain):
             self._said.add_surfaces(estimate.t_exposure_ns, self._surfaces())
             self._write_scene(estimate.t_exposure_ns)
@@ -116,7 +107,7 @@ class FoxgloveFile:
             return
         for each in conversion.transforms(self._calibration, said.sight.R_WE, said.sight.R_EH, t_ns):
             self._log(TRANSFORMS, each.encode())
-        self._log(SCENE, conversion.scene(shapes(said, self._foothold), t_ns).encode())
+        self._log(SCENE, conversion.scene(shapes(said, self._inputs.foothold), t_ns).encode())
 
     def _log(self, channel: str, data: bytes) -> None:
         self._channels[channel].log(data, log_time=self._log_ns)
