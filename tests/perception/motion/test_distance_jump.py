@@ -14,6 +14,7 @@ from messages import GroundPlane, Reason, Status, StereoFrame
 from messages.arrays import Float32Array, FloatArray
 from perception.ground.foothold import FootholdSettings
 from perception.motion.distance_jump import DistanceJumps
+from perception.motion.watch import MotionWatch
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
@@ -112,6 +113,17 @@ def test_an_eye_that_slips_along_the_rows_in_mid_walk_is_flagged_at_once_and_mis
     assert not any(errors_of(ground, wearer.truth(ground.t_exposure_ns)).wrong for ground in valid)
     recovered_ns = next(ground.t_exposure_ns for ground in valid if ground.t_exposure_ns > back_ns)
     assert recovered_ns < back_ns + 2_500_000_000
+
+
+def test_no_step_that_rests_on_wrong_distances_is_told() -> None:
+    """Not in the frame in which the eyes slip, and not in the one in which they are back: it begins at wrong points."""
+    wearer, slipped = SimulatedWearer(1, scenario("level"), START_NS), range(4, 8)
+    watch, change, told = MotionWatch(wearer.calibration), image_changes.right_shifted(0, -4), list[bool]()
+    for number, (frame, _) in enumerate(wearer.frames(11)):
+        left, right = change((frame.left, frame.right)) if number in slipped else (frame.left, frame.right)
+        told.append(watch.add_frame(msgspec.structs.replace(frame, left=left, right=right)) is not None)
+        watch.finish_frame()
+    assert told == [number not in (0, *slipped, slipped.stop) for number in range(11)]
 
 
 @pytest.mark.long
