@@ -10,6 +10,8 @@ says that the mass is positive and that the moments satisfy the triangle inequal
     min ½ πᵀ F π − bᵀ π − μ Σ_bodies log det P(π),   μ → 0                                                        (2)
 
 is solved by Newton's method with a logarithmic barrier; F is the information (inverse covariance), so μ counts in χ².
+Steps are taken in P + dP = L (1 + Δ) Lᵀ, P = L Lᵀ (3), where the barrier's curvature is μ 1 however thin a body is; μ
+begins where it outweighs the slope of the fit, or a body would collapse before it has turned.
 """
 
 from dataclasses import dataclass
@@ -19,10 +21,10 @@ import numpy as np
 from messages.arrays import FloatArray
 
 _LAST_BARRIER = 1e-7
-_FIRST_BARRIER = 1e3
 _SHRINK = 0.1
 _NEWTON_STEPS = 60
 _DECREMENT = 1e-9
+_ROUNDING = 16.0 * np.finfo(float).eps
 _ON_BOUNDARY = 1e-3
 _AXES = "xyz"
 
@@ -75,7 +77,7 @@ def consistent(information: FloatArray, rhs: FloatArray, bodies: int) -> FloatAr
     vector = np.zeros(len(rhs))
     masses = np.abs(np.nan_to_num(plain[:inertial:10])) + _START_KG
     vector[:inertial] = (masses[:, None] * _BALL).reshape(-1)
-    barrier = _FIRST_BARRIER
+    barrier = float(np.linalg.norm(_scaling(vector, bodies).T @ (information @ vector - rhs)))
     while barrier > _LAST_BARRIER:
         vector = _centred(vector, information, rhs, bodies, barrier)
         barrier *= _SHRINK
@@ -98,32 +100,44 @@ def boundary(vector: FloatArray) -> Boundary | None:
 
 
 def _centred(vector: FloatArray, F: FloatArray, b: FloatArray, bodies: int, barrier: float) -> FloatArray:
-    """Return the minimiser of (2) for one μ, from a `vector` inside."""
+    """Return the minimiser of (2) for one μ, from a `vector` inside; the last one where rounding ends the way."""
     inertial = 10 * bodies
     for _ in range(_NEWTON_STEPS):
-        inverse = np.linalg.inv(pseudo_inertia(vector[:inertial].reshape(bodies, 10)))
-        turned = np.einsum("bij,kjl->bkil", inverse, _BASIS)  # P⁻¹ E_k
-        gradient = F @ vector - b
-        gradient[:inertial] -= barrier * np.einsum("bkii->bk", turned).reshape(-1)
-        curvature = F.copy()
-        for body, block in enumerate(np.einsum("bkij,blji->bkl", turned, turned)):
-            rows = slice(10 * body, 10 * body + 10)
-            curvature[rows, rows] += barrier * block
+        T = _scaling(vector, bodies)
+        gradient = T.T @ (F @ vector - b)
+        gradient[:inertial] -= barrier * np.tile(_TRACES, bodies)
+        curvature = T.T @ F @ T
+        curvature[:inertial, :inertial] += barrier * np.eye(inertial)
         step = -_solved(curvature, gradient)
-        decrement = float(-gradient @ step)
-        length = _longest(vector, step, bodies) if decrement > barrier * 0.1 else 1.0
-        vector = vector + length * step
-        if decrement < _DECREMENT * barrier:
+        moved = vector + _length(step[:inertial].reshape(bodies, 10)) * (T @ step)
+        if not (np.isfinite(moved).all() and _is_inside(moved, bodies)):
+            break
+        vector = moved
+        if -gradient @ step < _DECREMENT * barrier:
             break
     return vector
 
 
-def _longest(vector: FloatArray, step: FloatArray, bodies: int) -> float:
-    """Return a length of the step that stays well inside: at most 1, at most 0.7 of the way to the boundary."""
-    P, dP = (pseudo_inertia(part[: 10 * bodies].reshape(bodies, 10)) for part in (vector, step))
-    lower = np.linalg.inv(np.linalg.cholesky(P))
-    outward = float(-np.linalg.eigvalsh(lower @ dP @ np.swapaxes(lower, 1, 2)).min())
+def _scaling(vector: FloatArray, bodies: int) -> FloatArray:
+    """Return T (p, p) of dπ = T δ: of every body δ are the parts of Δ along `_SYMMETRIC`, P + dP = L (1 + Δ) Lᵀ (3)."""
+    T = np.eye(len(vector))
+    for body in range(bodies):
+        rows = slice(10 * body, 10 * body + 10)
+        L = np.linalg.cholesky(pseudo_inertia(vector[rows]))
+        T[rows, rows] = _parameters(L @ _SYMMETRIC @ L.T).T
+    return T
+
+
+def _length(step: FloatArray) -> float:
+    """Return the share of the step (b, 10) to go: all of it while it is short, at most 0.7 of the way to the edge."""
+    outward = float(-np.linalg.eigvalsh(np.einsum("bk,kij->bij", np.nan_to_num(step), _SYMMETRIC)).min())
     return min(1.0, 0.7 / outward) if outward > 0.0 else 1.0
+
+
+def _is_inside(vector: FloatArray, bodies: int) -> bool:
+    """Tell whether P of every body is positive definite by more than rounding can pretend."""
+    values = np.linalg.eigvalsh(pseudo_inertia(vector[: 10 * bodies].reshape(bodies, 10)))
+    return bool((values[:, 0] > _ROUNDING * values[:, -1]).all())
 
 
 def _solved(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
@@ -149,6 +163,27 @@ def _basis() -> FloatArray:
     return basis
 
 
+def _parameters(matrix: FloatArray) -> FloatArray:
+    """Return π (..., 10) of P (..., 4, 4), the inverse of `pseudo_inertia`."""
+    second = matrix[..., :3, :3]
+    J = np.trace(second, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - second
+    moments = [J[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))]
+    vector: FloatArray = np.stack([matrix[..., 3, 3], *np.moveaxis(matrix[..., :3, 3], -1, 0), *moments], axis=-1)
+    return vector
+
+
+def _symmetric() -> FloatArray:
+    """Return an orthonormal basis (10, 4, 4) of the symmetric matrices."""
+    basis = []
+    for i, j in zip(*np.triu_indices(4), strict=True):
+        unit = np.zeros((4, 4))
+        unit[i, j] = unit[j, i] = 1.0
+        basis.append(unit / np.linalg.norm(unit))
+    return np.array(basis)
+
+
+_SYMMETRIC = _symmetric()
+_TRACES: FloatArray = np.trace(_SYMMETRIC, axis1=1, axis2=2)
 _BASIS = _basis()
 _START_KG = 1e-3
 _BALL = np.array([1.0, 0.0, 0.0, 0.0, 0.02, 0.02, 0.02, 0.0, 0.0, 0.0])

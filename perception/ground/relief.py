@@ -87,5 +87,5 @@ def _crease(
     return cov
 
 
-_SLOPE_PER_NOISE = np.array([5.8, 3.1])
-"""Of a sole, along and across: a little more than even ground has where texture is faint."""
+_SLOPE_PER_NOISE = np.array([5.8, 4.8])
+"""Of a sole, along and across: a little more than even ground has where texture is faint, and than a real floor has."""
