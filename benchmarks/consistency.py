@@ -18,7 +18,7 @@ import numpy as np
 
 from daemon.pipeline import Pipeline
 from lab.faults.criteria import errors_of, flags
-from messages import Frame, GroundPlane, GroundTruth, ImuSample, Input, Status, StereoFrame, vec3
+from messages import Frame, GroundPlane, ImuSample, Input, Status, StereoFrame, vec3
 from perception.ground.foothold import FootholdSettings
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
@@ -36,11 +36,10 @@ Stamped = Callable[[int], int]
 
 @dataclass(frozen=True)
 class Walk:
-    """All that is told of one unit, in the order of arrival, with the truth about its ground."""
+    """All that is told of one unit, in the order of arrival."""
 
     wearer: SimulatedWearer
     inputs: list[Input]
-    truths: dict[int, GroundTruth]
 
 
 @dataclass(frozen=True)
@@ -65,9 +64,7 @@ class Judgement:
 
 def walk(seed: int, name: str, seconds: float) -> Walk:
     wearer = SimulatedWearer(seed, scenario(name), START_NS)
-    inputs: list[Input] = list(wearer.offline_inputs(seconds))
-    exposures_ns = (message.header.t_exposure_ns for message in inputs if isinstance(message, StereoFrame))
-    return Walk(wearer, inputs, {t_ns: wearer.truth(t_ns) for t_ns in exposures_ns})
+    return Walk(wearer, list(wearer.offline_inputs(seconds)))
 
 
 def altered(inputs: list[Input], fault: Contradiction, from_ns: int, to_ns: int) -> Iterator[tuple[int, Input]]:
@@ -100,7 +97,7 @@ def judged(told: Walk, fault: Contradiction) -> Judgement:
         for ground in pipeline.step(message):
             if not isinstance(ground, GroundPlane) or ground.frame_seq < 0:
                 continue
-            truth = told.truths[true_ns]
+            truth = told.wearer.truth(true_ns, ground.ahead_m, left_m=ground.left_m)
             if ground.status is Status.VALID:
                 wrong += errors_of(ground, truth).wrong
                 valid_ns.append(now_ns)
@@ -111,7 +108,7 @@ def judged(told: Walk, fault: Contradiction) -> Judgement:
         over_s=next((1e-9 * (t - to_ns) for t in valid_ns if t >= to_ns and _steady(t, flagged_ns)), np.nan),
         wrong=wrong,
         flags=len(flagged_ns),
-        frames=len(told.truths),
+        frames=sum(isinstance(message, StereoFrame) for message in told.inputs),
     )
 
 

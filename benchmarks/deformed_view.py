@@ -96,7 +96,7 @@ def tried(trial: Trial, walk: OfflineWalk) -> Trial:
                 trial.alarms += t_ns - alarmed_ns > APART_NS
                 alarmed_ns = t_ns
             if t_ns >= max(onset_ns, START_NS + SETTLED_NS):
-                trial.add(ground, wearer.truth(t_ns), 1e-9 * (t_ns - onset_ns))
+                trial.add(ground, wearer.truth_of(ground), 1e-9 * (t_ns - onset_ns))
     return trial
 
 

@@ -121,7 +121,7 @@ class Judge:
     def add_ground(self, ground: GroundPlane) -> None:
         """Judge one frame's ground."""
         t_ns, trial = ground.t_exposure_ns, self._trial
-        truth = self._wearer.truth(t_ns)
+        truth = self._wearer.truth_of(ground)
         since_s = 1e-9 * (t_ns - self._onset_ns)
         wrong_before = trial.wrong
         right = trial.add(ground, truth, since_s)

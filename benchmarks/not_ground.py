@@ -110,7 +110,7 @@ def _walk(case: str) -> Scenario:
 def _judge_ground(walk: Walked, ground: GroundPlane, wearer: SimulatedWearer) -> None:
     walk.frames += 1
     if ground.status is Status.VALID:
-        truth = wearer.truth(ground.t_exposure_ns)
+        truth = wearer.truth_of(ground)
         walk.height_sd_m.append(math.sqrt(ground.covariance[5]))
         walk.height_error_m.append(ground.height_m - truth.height_m)
         walk.wrong += errors_of(ground, truth).wrong

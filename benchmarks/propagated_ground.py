@@ -63,10 +63,10 @@ def deviations(plane: GroundPlane | PropagatedGround) -> FloatArray:
     return found
 
 
-def true_numbers(wearer: SimulatedWearer, t_ns: int) -> FloatArray | None:
-    """Return slopes and height (3,) at the instant of a sample; None with an edge in the region."""
+def true_numbers(wearer: SimulatedWearer, t_ns: int, seen: GroundPlane) -> FloatArray | None:
+    """Return slopes and height (3,) at the instant of a sample, where `seen` was; None with an edge in the region."""
     stamp_ns = 2 * t_ns - wearer.shutter.true_of(t_ns)  # the stamp of a frame exposed then
-    truth = wearer.truth(stamp_ns)
+    truth = wearer.truth(stamp_ns, seen.ahead_m, left_m=seen.left_m)
     if truth.transition:
         return None
     return np.array([truth.slope_sagittal_rad, truth.slope_frontal_rad, truth.height_m])
@@ -77,6 +77,7 @@ def walked(case: str, seed: int, seconds: float) -> Walked:
     wearer = SimulatedWearer(seed, scenario(case), START_NS)
     pipeline = Pipeline(wearer.calibration, FootholdSettings())
     last: GroundPlane | None = None
+    seen: GroundPlane | None = None
     last_truth: FloatArray | None = None
     path: list[PropagatedGround] = []
     carried, held, differences, added_m = list[FloatArray](), list[FloatArray](), list[FloatArray](), list[float]()
@@ -85,11 +86,12 @@ def walked(case: str, seed: int, seconds: float) -> Walked:
         for estimate in pipeline.step(message):
             if isinstance(estimate, GroundPlane):
                 last = estimate if estimate.status is Status.VALID else None
-                last_truth = None if last is None else true_numbers(wearer, estimate.t_exposure_ns)
+                seen = last or seen
+                last_truth = None if last is None else true_numbers(wearer, estimate.t_exposure_ns, last)
                 difference = None if last is None else between(path, last)
                 differences += [] if difference is None else [difference]
-            elif isinstance(estimate, PropagatedGround) and (last is not None or carried):
-                truth = true_numbers(wearer, estimate.t_sample_ns)
+            elif isinstance(estimate, PropagatedGround) and seen is not None:
+                truth = true_numbers(wearer, estimate.t_sample_ns, seen)
                 samples += truth is not None
                 valid = estimate.status is Status.VALID
                 path = [*path[-19:], estimate] if valid else []

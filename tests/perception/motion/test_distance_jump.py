@@ -110,7 +110,7 @@ def test_an_eye_that_slips_along_the_rows_in_mid_walk_is_flagged_at_once_and_mis
     slipped = [ground for ground in grounds if slip_ns <= ground.t_exposure_ns < back_ns]
     assert {ground.reason for ground in slipped} == {Reason.DISTANCES_WRONG}
     valid = [ground for ground in grounds if ground.status is Status.VALID]
-    assert not any(errors_of(ground, wearer.truth(ground.t_exposure_ns)).wrong for ground in valid)
+    assert not any(errors_of(ground, wearer.truth_of(ground)).wrong for ground in valid)
     recovered_ns = next(ground.t_exposure_ns for ground in valid if ground.t_exposure_ns > back_ns)
     assert recovered_ns < back_ns + 2_500_000_000
 
