@@ -112,11 +112,15 @@ class StereoPoints:
         self, left: GreyImage, right: GreyImage, corners_px: Float32Array, depth_m: FloatArray
     ) -> tuple[FloatArray, BoolArray]:
         """Return by how much (N,) the disparities that a reduced pair shows at `corners_px` (N, 2) differ from those of
-        depths (N,), in reduced pixels, and at which corners it shows one."""
+        depths (N,), in reduced pixels, and at which corners it shows one: at none where the eyes' rows differ, as then
+        matches are chance."""
         rays_C, expected = self.left.rays_C(corners_px), self.baseline_m / depth_m
         matched_px, good = self._matched(left, right, corners_px, rays_C, expected)
         disparity, skew = self._apart(rays_C, matched_px)
-        return self.left.f_px * (disparity - expected), good & (np.abs(skew) < self.most_skew_px / self.left.f_px)
+        good &= np.abs(skew) < self.most_skew_px / self.left.f_px
+        if not good.any() or not self._rows_agree(skew[good]):
+            good[:] = False
+        return self.left.f_px * (disparity - expected), good
 
     def _matched(
         self, left: GreyImage, right: GreyImage, corners_px: Float32Array, rays_C: FloatArray, guess: FloatArray
@@ -142,13 +146,17 @@ class StereoPoints:
             self._ambiguous += count / self._asked * (found / count - self._ambiguous)
         return self._ambiguous > self.most_ambiguous
 
+    def _rows_agree(self, skew: FloatArray) -> bool:
+        """Return whether `skew` (N,), in units of the focal length, is about nothing at half of the corners or more."""
+        median, _, spread = _about_median(skew)
+        px = self.left.f_px
+        return px * abs(median) < 0.5 * self.most_skew_px and px * spread < self.most_skew_spread_px
+
     def _common(self, skew: FloatArray, y: FloatArray) -> Skew:
         """Return what `skew` (N,), in units of the focal length, of corners at `y` (N,) has in common."""
         if len(skew) < self.least_points:
             return NO_SKEW
-        median = _median(skew)
-        off = np.abs(skew - median)
-        spread = _median(off)
+        median, off, spread = _about_median(skew)
         if self.left.f_px * spread >= self.most_skew_spread_px:
             return NO_SKEW
         near = off < _FAR_SPREADS * spread
@@ -190,6 +198,20 @@ class StereoPoints:
         columns, rows = (2 * math.ceil(0.5 * REACH_PX / each) + 1 for each in (1, self.rows_together))
         beside = cv2.dilate(edge, np.ones((rows, columns), np.uint8))
         return np.asarray(disparity_px < beside - _LEAST_EDGE_PX, dtype=np.bool_)
+
+
+class _AboutMedian(NamedTuple):
+    """The median of values (N,), how far each is from it (N,), and the median of that."""
+
+    median: float
+    off: FloatArray
+    spread: float
+
+
+def _about_median(values: FloatArray) -> _AboutMedian:
+    median = _median(values)
+    off = np.abs(values - median)
+    return _AboutMedian(median, off, _median(off))
 
 
 def _median(values: FloatArray) -> float:
