@@ -54,6 +54,7 @@ class StereoPoints:
     most_beside = 0.4  # of the picture: where a frame, as of a rollator, stands all over the ground, all of it counts
     least_points = 20  # for a median that outliers do not move
     most_skew_px = 1.0  # between the eyes' rows: a larger one is a false match
+    most_common_px, most_rows_spread_px = 0.65, 0.4  # median and spread of that: more, and what matches is chance
     most_skew_spread_px = 0.2  # median about the median: more, and the matches do not agree on any skew
     least_rows_square = 0.3  # Σ y², of corners that lie on rows far enough apart to tell a growth
     most_ambiguous = 0.85  # of the corners: only tiles have more that look the same elsewhere along the row
@@ -150,7 +151,7 @@ class StereoPoints:
         """Return whether `skew` (N,), in units of the focal length, is about nothing at half of the corners or more."""
         median, _, spread = _about_median(skew)
         px = self.left.f_px
-        return px * abs(median) < 0.5 * self.most_skew_px and px * spread < self.most_skew_spread_px
+        return px * abs(median) < self.most_common_px and px * spread < self.most_rows_spread_px
 
     def _common(self, skew: FloatArray, y: FloatArray) -> Skew:
         """Return what `skew` (N,), in units of the focal length, of corners at `y` (N,) has in common."""

@@ -14,6 +14,7 @@ from messages import GroundPlane, Reason, Status, StereoFrame
 from messages.arrays import Float32Array, FloatArray
 from perception.ground.foothold import FootholdSettings
 from perception.motion.distance_jump import DistanceJumps
+from perception.motion.stereo_points import StereoPoints
 from perception.motion.watch import MotionWatch
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
@@ -124,6 +125,24 @@ def test_no_step_that_rests_on_wrong_distances_is_told() -> None:
         told.append(watch.add_frame(msgspec.structs.replace(frame, left=left, right=right)) is not None)
         watch.finish_frame()
     assert told == [number not in (0, *slipped, slipped.stop) for number in range(11)]
+
+
+def test_distances_are_compared_only_while_the_rows_of_the_eyes_agree() -> None:
+    """Else corners that chance has matched, all as far from their rows as they may be, stand for a jump."""
+    wearer = SimulatedWearer(1, scenario("level"), START_NS)
+    frame, _ = next(iter(wearer.frames(1)))
+    points = StereoPoints(wearer.calibration.stereo)
+    left = points.detail(frame.left)
+    view, _ = points.view(0, left, points.detail(frame.right))
+
+    def compared(rows_px: int, columns_px: int) -> int:
+        _, right = image_changes.right_shifted(rows_px, columns_px)((frame.left, frame.right))
+        _, good = points.off_px(left, points.detail(right), view.corners_px, view.points_C[:, 2])
+        return int(np.count_nonzero(good))
+
+    assert compared(0, 0) > 40
+    assert compared(0, -4) > 40
+    assert compared(3, 0) == compared(-3, -4) == 0
 
 
 @pytest.mark.long
