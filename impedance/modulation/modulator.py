@@ -19,8 +19,11 @@ from messages.reasons import Reason, Status
 from messages.setpoint import Points, Setpoint
 from messages.terrain import NextFoothold, TerrainKind
 
-MOST_SLOPE_SD_RAD: Final = math.radians(2.0)
-"""A slope less certain than this is not acted upon."""
+MOST_SLOPE_SD_RAD: Final = math.radians(5.0)
+"""A slope less certain than this is not acted upon. Beside a change of the slope half of that change is in it."""
+
+USUAL_SLOPE_RAD: Final = math.radians(6.0)
+"""How steep the ways are that people walk, one standard deviation about level ground: assumed."""
 
 STANDS_IN_NS: Final = 100_000_000
 """Where the ground is not seen in a frame, or the phases disagree, what a picture no older told still stands: it is
@@ -109,7 +112,7 @@ class Modulator:
             return Reason.FOOTHOLD_OUT_OF_VIEW
         if kind not in _SLOPED or not self._table.holds(foothold.slope_sagittal_rad):
             return Reason.NO_SET_POINT
-        if not foothold.slope_sagittal_sd_rad <= MOST_SLOPE_SD_RAD:
+        if not 0.0 <= foothold.slope_sagittal_sd_rad <= MOST_SLOPE_SD_RAD:
             return Reason.UNCERTAIN
         if self._phase_contradicts(ground.t_exposure_ns, foothold, phase):
             return Reason.PHASE_CONTRADICTS
@@ -126,7 +129,8 @@ class Modulator:
         return phase is GaitPhase.STANCE and not has_landed and to_contact_s + spread_s < _SHORTEST_SWING_S
 
     def _told(self, ground: GroundPlane, foothold: NextFoothold, kind: TerrainKind, phase: GaitPhase) -> Setpoint:
-        wanted, deviations = self._table.at(foothold.slope_sagittal_rad, foothold.slope_sagittal_sd_rad, self._mass_kg)
+        slope_rad = weighed(foothold.slope_sagittal_rad, foothold.slope_sagittal_sd_rad)
+        wanted, deviations = self._table.at(slope_rad, foothold.slope_sagittal_sd_rad, self._mass_kg)
         curve = self._approached(self._limits.bounded(wanted.points), ground.t_exposure_ns)
         return Setpoint(
             t_exposure_ns=ground.t_exposure_ns,
@@ -154,6 +158,11 @@ class Modulator:
         seconds = 1e-9 * (t_ns - self._curve_ns) if goes_on else _FIRST_S
         self._curve, self._curve_ns = self._limits.approached(begun, wanted, seconds), t_ns
         return self._curve
+
+
+def weighed(slope_rad: float, sd_rad: float) -> float:
+    """Return the slope to act on: the mean of what was measured and of what is usual, each by its certainty."""
+    return slope_rad * USUAL_SLOPE_RAD**2 / (USUAL_SLOPE_RAD**2 + sd_rad**2)
 
 
 def _five(numbers: FloatArray) -> Points:

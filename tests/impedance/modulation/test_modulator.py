@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impedance.modulation.curve import Limits
-from impedance.modulation.modulator import MOST_SLOPE_SD_RAD, STANDS_IN_NS, Modulator
+from impedance.modulation.modulator import MOST_SLOPE_SD_RAD, STANDS_IN_NS, USUAL_SLOPE_RAD, Modulator, weighed
 from impedance.modulation.table import published
 from messages import AnkleState, GaitPhase, GroundPlane, NextFoothold, Reason, Setpoint, Side, Status, TerrainKind
 from tests.bench.can_samples import NAN, ground, terrain
@@ -46,7 +46,8 @@ def points(setpoint: Setpoint) -> np.ndarray:
 
 
 def test_on_a_ramp_it_comes_to_the_tables_curve_no_faster_than_the_limits_allow() -> None:
-    modulator, wanted = Modulator(published(), MASS_KG), published().at(UPHILL_RAD, 0.0, MASS_KG)[0].points
+    modulator, slope_rad = Modulator(published(), MASS_KG), weighed(UPHILL_RAD, foothold().slope_sagittal_sd_rad)
+    wanted = published().at(slope_rad, 0.0, MASS_KG)[0].points
     before = LIMITS.level.points
     for n in range(1, 12):
         setpoint = told(modulator, n)
@@ -57,6 +58,13 @@ def test_on_a_ramp_it_comes_to_the_tables_curve_no_faster_than_the_limits_allow(
     assert setpoint.slope_rad == UPHILL_RAD
     assert setpoint.table_id == published().id
     assert min(setpoint.equilibrium_sd_rad) > 0.0
+
+
+def test_a_slope_is_acted_upon_less_the_wider_it_is() -> None:
+    assert weighed(0.1, 0.0) == 0.1
+    assert weighed(0.1, USUAL_SLOPE_RAD) == pytest.approx(0.05)
+    assert weighed(-0.1, 0.04) == pytest.approx(-weighed(0.1, 0.04))
+    assert weighed(0.1, 0.08) < weighed(0.1, 0.04) < 0.1
 
 
 @given(slope=st.floats(allow_nan=True), sd=st.floats(allow_nan=True), kind=st.sampled_from(TerrainKind))
