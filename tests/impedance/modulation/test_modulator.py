@@ -12,6 +12,7 @@ from impedance.modulation.curve import Limits
 from impedance.modulation.modulator import MOST_SLOPE_SD_RAD, STANDS_IN_NS, USUAL_SLOPE_RAD, Modulator, weighed
 from impedance.modulation.table import published
 from messages import AnkleState, GaitPhase, GroundPlane, NextFoothold, Reason, Setpoint, Side, Status, TerrainKind
+from messages.arrays import FloatArray
 from tests.bench.can_samples import NAN, ground, terrain
 
 CYCLE_NS = 50_000_000
@@ -40,9 +41,9 @@ def told(
     return modulator.setpoint(at(n * CYCLE_NS), foothold(slope_rad), kind)
 
 
-def points(setpoint: Setpoint) -> np.ndarray:
+def points(setpoint: Setpoint) -> FloatArray:
     columns = (setpoint.equilibrium_rad, setpoint.stiffness_nm_per_rad, setpoint.damping_nms_per_rad)
-    return np.array(columns).T
+    return np.array(columns, dtype=np.float64).T
 
 
 def test_on_a_ramp_it_comes_to_the_tables_curve_no_faster_than_the_limits_allow() -> None:
