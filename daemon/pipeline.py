@@ -233,7 +233,9 @@ class Pipeline:
             steps = self._gait.add_frame(placed, self._attitude.at, path)
         ground = self._ground_of(frame, placed, steps.prosthetic, path)
         yield ground
-        yield from self._setpoint(ground, self._gait.foothold(steps, ground, path, self._kind))
+        if self._setpoints is not None:  # before the terrain, which takes longer: the kind is of the frame before
+            foothold = self._gait.foothold(steps, ground, path, self._kind)
+            yield self._setpoints.setpoint(ground, foothold, self._kind)
         self._propagate(ground, placed)
         yield self._motion_of(frame.header, placed)
         if not self._passes_over:
@@ -324,15 +326,10 @@ class Pipeline:
         self._propagation.drop(reason)
         ground = self._no_ground(t_ns, seq, reason)
         yield ground
-        yield from self._setpoint(ground, NextFoothold.unknown(self._gait.side))
+        if self._setpoints is not None:
+            yield self._setpoints.setpoint(ground, NextFoothold.unknown(self._gait.side), self._kind)
         yield self._odometry.no_motion(t_ns, seq, reason)
         yield self._terrain.no_terrain(t_ns, seq, reason)
-
-    def _setpoint(self, ground: GroundPlane, foothold: NextFoothold) -> Iterator[Estimate]:
-        """Yield the set-point of a frame before its terrain, which takes longer: what most of the path is, the frame
-        before has told."""
-        if self._setpoints is not None:
-            yield self._setpoints.setpoint(ground, foothold, self._kind)
 
     def _no_ground(self, t_ns: int, seq: int, reason: Reason) -> GroundPlane:
         return GroundPlane.invalid(

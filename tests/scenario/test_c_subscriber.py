@@ -1,13 +1,19 @@
 """The subscriber in C, made as docs/listening.md says, refuses and tells exactly what the one in Python does."""
 
+import os
 import random
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import can
 import pytest
 
+from daemon.config import Configuration, format_configuration
+from daemon.setpoints import SetpointSettings
+from drivers.can.settings import CanInterface, CanSettings
+from drivers.zenoh.settings import ZenohSettings
 from messages import GaitPhase, GroundPlane, Reason, Source, Status
 from messages.can_encoder import CanEncoder
 from messages.can_estimates import ReceivedGround
@@ -16,6 +22,7 @@ from messages.can_receiver import CanReceiver
 from messages.can_setpoint import SetpointReceiver
 from messages.refusal import Refusal
 from tests.bench.can_samples import ground, health, invalid_ground, setpoint, stamp
+from tests.bench.zenoh_peer import free_endpoint
 from tests.docs.pages import ROOT
 
 SOURCES = ROOT / "examples" / "c"
@@ -177,6 +184,48 @@ def test_it_says_of_each_set_point_what_the_python_receiver_says(
     always = {"wrong_crc", "wrong_length", "initial", "repeated", "too_soon", "not_valid", "stale"}
     assert seen >= (always if options else always | {"not_live"})
     assert sum(line.startswith("setpoint") for line in expected) > 300
+
+
+@pytest.mark.long
+@pytest.mark.realtime
+def test_it_says_of_a_running_service_what_the_python_receivers_say(subscriber: Path, tmp_path: Path) -> None:
+    channel = f"239.74.163.{100 + os.getpid() % 100}"
+    configuration = Configuration(
+        device="c-subscriber",
+        can=CanSettings(interface=CanInterface.UDP_MULTICAST, channel=channel),
+        zenoh=ZenohSettings(listen=free_endpoint()),
+        setpoint=SetpointSettings(mass_kg=75.0),
+    )
+    (tmp_path / "gaiteyes.toml").write_text(format_configuration(configuration), encoding="utf-8")
+    command = [sys.executable, "-m", "cli.main", "demo", "--scenario", "level", "--seconds", "14"]
+    with (
+        can.Bus(channel, "udp_multicast", ignore_config=True, hop_limit=0, fd=True) as bus,
+        subprocess.Popen([*command, "--config", str(tmp_path / "gaiteyes.toml")], stdout=subprocess.DEVNULL) as demo,
+    ):
+        messages, quiet_s = list[can.Message](), 0.0
+        while quiet_s < 3.0 or not messages:
+            message = bus.recv(0.5)
+            quiet_s = quiet_s + 0.5 if message is None else 0.0
+            messages += [] if message is None else [message]
+            if demo.poll() is not None and message is None:
+                break
+    t_ns = [round(1e6 * (message.timestamp - messages[0].timestamp)) * US_NS + 10**12 for message in messages]
+    heard = [
+        (at_ns, CanFrame(message.arbitration_id, bytes(message.data)))
+        for at_ns, message in zip(t_ns, messages, strict=True)
+    ]
+    ground = CanReceiver(ReceivedGround, max_age_s=0.1, accept_simulated=True)
+    setpoints = SetpointReceiver(accept_simulated=True)
+    both = [line for each in heard for line in (told(ground, *each), told_setpoint(setpoints, *each))]
+    expected = [line for line in both if line is not None]
+    log = "".join(logged(*each) for each in heard)
+    done = subprocess.run(
+        [subscriber, "-", "--accept-simulated"], input=log, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == expected
+    assert sum(frame.can_id == can_id(CanMessage.SETPOINT) for _, frame in heard) > 100
+    assert not any("wrong_crc" in line or "wrong_length" in line for line in expected)
 
 
 @pytest.mark.long

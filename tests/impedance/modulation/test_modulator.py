@@ -43,7 +43,8 @@ def told(
 
 def points(setpoint: Setpoint) -> FloatArray:
     columns = (setpoint.equilibrium_rad, setpoint.stiffness_nm_per_rad, setpoint.damping_nms_per_rad)
-    return np.array(columns, dtype=np.float64).T
+    found: FloatArray = np.array(columns, dtype=np.float64).T
+    return found
 
 
 def test_on_a_ramp_it_comes_to_the_tables_curve_no_faster_than_the_limits_allow() -> None:
