@@ -52,6 +52,10 @@ class Reason(str, enum.Enum):
         return Status.INITIALISING if self in (Reason.STARTING, Reason.NOT_AT_REST) else Status.INVALID
 
 
+OF_SET_POINTS = frozenset({Reason.UNCERTAIN, Reason.PHASE_CONTRADICTS, Reason.NO_NEXT_STEP, Reason.NO_SET_POINT})
+"""Why there is no set-point though there is ground."""
+
+
 def status_without_numbers(reason: Reason) -> Status:
     """Return the status of an estimate that has no numbers, for `reason`. Raises ValueError for `Reason.NONE`."""
     if reason is Reason.NONE:
