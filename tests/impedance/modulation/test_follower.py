@@ -91,6 +91,17 @@ def test_in_silence_it_is_back_at_level_ground_in_the_stated_time(
     np.testing.assert_allclose(follower.curve.points, LEVEL.points, rtol=0.0, atol=1e-9)
 
 
+def test_the_stated_times_are_those_of_the_page() -> None:
+    assert (MAX_AGE_S, LONGEST_STANCE_S, BACK_S) == (0.150, 1.5, 0.25)
+
+
+@pytest.mark.parametrize(("extreme", "end"), [(1e6, LIMITS.high), (-1e6, LIMITS.low)])
+def test_a_set_point_beyond_all_reason_goes_no_further_than_the_limits(extreme: float, end: FloatArray) -> None:
+    follower = Follower(LIMITS, 0)
+    walked(follower, 0, SWING, 1.0, np.full((5, 3), extreme))
+    np.testing.assert_allclose(follower.curve.points, end)
+
+
 def test_it_trusts_in_swing_holds_in_stance_and_falls_back_at_toe_off() -> None:
     follower = Follower(LIMITS, 0)
     t_ns = walked(follower, 0, SWING, 0.4, UPHILL.points)
