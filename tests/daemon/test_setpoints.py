@@ -20,7 +20,7 @@ from sim_rig.walk.scenario import scenario
 from sim_rig.walk.terrain_walks import terrain_walk
 from sim_rig.wearer import SimulatedWearer
 from tests.bench.can_samples import setpoint, stamp
-from tests.impedance.modulation.test_table import trial
+from tests.bench.straight_trial import trial
 
 START_NS = 10_000_000_000
 
