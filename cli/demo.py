@@ -113,6 +113,7 @@ def demo(
                 [tally, observer],
                 background={} if hub is None else {"can-hub": hub.serve},
                 priorities=config is not None and configuration.realtime.priorities,
+                folder=Path() if config is None else config.parent,
             )
         console.print("to see it, in another terminal: gaiteyes view", highlight=False)
         pressure = ProcessorPressure()

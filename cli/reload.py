@@ -19,7 +19,7 @@ from messages import Reconfigured, UnitCalibration, UserError
 
 log = logging.getLogger("gaiteyes")
 
-AT_THE_NEXT_START = ("device", "imu", "learnt", "realtime", "view")
+AT_THE_NEXT_START = ("device", "imu", "learnt", "realtime", "setpoint", "view")
 
 
 class Reloader:
@@ -44,6 +44,7 @@ class Reloader:
         self._service = service
         self._camera = camera
         self._zenoh = outlets.zenoh
+        self._can = outlets.can
         self._link = outlets.link
         self._asked = threading.Event()
 
@@ -80,6 +81,7 @@ class Reloader:
         if new.camera != old.camera:
             self._camera.replace(camera_opener(new.camera, self._calibration))
         if new.can != old.can:
+            self._can.fd = new.can.fd
             self._link.reconfigure(new.can)
         self._zenoh.set_configuration(new)
         self._service.put(Reconfigured(t_ns=time.monotonic_ns(), configuration=format_configuration(new)))

@@ -45,6 +45,7 @@ def replay(
     from daemon.pipeline import Pipeline
     from daemon.replay import ReplayObserver
     from daemon.replay_source import open_source
+    from daemon.setpoints import modulator_of_recording
     from lab.evaluation.floor import score_floor
     from lab.evaluation.score import Scoreboard
     from messages import TOPICS, Frame, Status
@@ -54,7 +55,8 @@ def replay(
     opened = open_source(source, None if config is None else load_configuration(config))
     foothold = opened.configuration.foothold
     samples: ImuTable | None = None
-    pipeline = Pipeline(opened.calibration, foothold, opened.learnt)
+    setpoints = modulator_of_recording(opened.configuration.setpoint)
+    pipeline = Pipeline(opened.calibration, foothold, opened.learnt, setpoints=setpoints)
     with ExitStack() as stack:
         observers: list[ReplayObserver] = []
         if overlay is not None:

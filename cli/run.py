@@ -88,6 +88,7 @@ def run(
             priorities=configuration.realtime.priorities,
             learnt=learnt,
             state_keeper=keeper,
+            folder=config.parent,
         )
     if configuration.realtime.lock_memory:
         lock_memory()

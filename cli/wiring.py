@@ -21,6 +21,7 @@ from daemon.publish_can import CanPublisher
 from daemon.publish_zenoh import ZenohPublisher
 from daemon.recorder import Recorder, RecordingInfo
 from daemon.service import Background, Devices, Service
+from daemon.setpoints import modulator
 from daemon.stamping import Stamper
 from daemon.state_file import StateKeeper
 from daemon.summary import RunSummary
@@ -104,7 +105,7 @@ def open_outlets(configuration: Configuration, calibration: UnitCalibration, *, 
     except UserError:
         zenoh.close()
         raise
-    return Outlets(zenoh, CanPublisher(link), link)
+    return Outlets(zenoh, CanPublisher(link, fd=configuration.can.fd), link)
 
 
 def build_service(
@@ -121,9 +122,14 @@ def build_service(
     priorities: bool = False,
     learnt: Learnt | None = None,
     state_keeper: StateKeeper | None = None,
+    folder: Path = Path(),
 ) -> Service:
-    """Return the service on these devices and outlets, which begins with what the unit has `learnt`."""
-    pipeline = Pipeline(calibration, configuration.foothold, learnt)
+    """Return the service on these devices and outlets, which begins with what the unit has `learnt`.
+
+    `folder` is that of the configuration's file. Raises UserError where its tables of set-points cannot be used.
+    """
+    setpoints = modulator(configuration.setpoint, folder)
+    pipeline = Pipeline(calibration, configuration.foothold, learnt, setpoints=setpoints)
     return Service(
         pipeline,
         Devices(imu=imu, camera=camera, ankle=outlets.link),

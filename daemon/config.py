@@ -6,6 +6,7 @@ from typing import Annotated
 
 import msgspec
 
+from daemon.setpoints import SetpointSettings
 from drivers.can.settings import CanSettings
 from drivers.zenoh.settings import ZenohSettings
 from messages import UserError
@@ -82,6 +83,7 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
     foothold: FootholdSettings = FootholdSettings()
     zenoh: ZenohSettings = ZenohSettings()
     can: CanSettings = CanSettings()
+    setpoint: SetpointSettings = SetpointSettings()
     realtime: RealtimeSettings = RealtimeSettings()
     view: ViewSettings = ViewSettings()
 

@@ -7,7 +7,7 @@ from typing import Protocol
 from daemon.latency import FrameTimes, LatencyLog
 from daemon.recorder import Recorder
 from daemon.stamping import Stamper
-from daemon.watch import GroundWatch
+from daemon.watch import SETPOINT_IN_WORDS, ReasonWatch
 from messages import (
     Estimate,
     FrameHeader,
@@ -15,6 +15,7 @@ from messages import (
     Health,
     PropagatedGround,
     Reason,
+    Setpoint,
     Stamp,
     Status,
     capture_ns,
@@ -69,7 +70,8 @@ class Outgoing:
         self._recorder = recorder
         self._observers = tuple(observers)
         self._headers: OrderedDict[int, FrameHeader] = OrderedDict()
-        self._ground_watch = GroundWatch()
+        self._ground_watch = ReasonWatch()
+        self._setpoint_watch = ReasonWatch("set-point", SETPOINT_IN_WORDS, "there are set-points again")
         self.withdrawn = 0
         """How many valid estimates were published as late instead."""
 
@@ -95,6 +97,8 @@ class Outgoing:
         if isinstance(published, GroundPlane):
             header = self._headers.pop(published.frame_seq, None)
             self._ground_watch.add_reason(published.reason)
+        elif isinstance(published, Setpoint):
+            self._setpoint_watch.add_reason(published.reason)
         if header is not None:
             latency.add(
                 FrameTimes(

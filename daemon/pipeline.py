@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from daemon.config import parse_configuration
 from daemon.health import HealthMonitor
+from impedance.modulation.modulator import Modulator
 from messages import (
     TOPICS,
     AnkleState,
@@ -21,11 +22,13 @@ from messages import (
     Load,
     LoadLevel,
     Motion,
+    NextFoothold,
     PropagatedGround,
     Reason,
     Reconfigured,
     Status,
     Terrain,
+    TerrainKind,
     Tick,
     UnitCalibration,
 )
@@ -70,8 +73,8 @@ PICTURES_WRONG = (Reason.VIEW_DEFORMED, Reason.EYES_SWAPPED)
 
 
 class Pipeline:
-    """Attitude and the ground carried to each IMU sample; ground, the wearer's motion and terrain from each frame;
-    health once a second."""
+    """Attitude and the ground carried to each IMU sample; ground, the ankle's set-point, the wearer's motion and
+    terrain from each frame; health once a second."""
 
     def __init__(
         self,
@@ -79,8 +82,12 @@ class Pipeline:
         foothold: FootholdSettings,
         learnt: Learnt | None = None,
         attitude: AttitudeSettings | None = None,
+        setpoints: Modulator | None = None,
     ) -> None:
-        """Begin with what the unit has `learnt` in runs before; raises UserError where that is another unit's."""
+        """Begin with what the unit has `learnt` in runs before; raises UserError where that is another unit's.
+
+        Without `setpoints` there are none.
+        """
         self._calibration_id = calibration.id
         self._foothold = foothold
         self._attitude = AttitudeTrack(calibration, learnt, attitude)
@@ -97,6 +104,8 @@ class Pipeline:
         )
         self._propagation = GroundPropagation(calibration, self._ground.R_BC)
         self._gait = Gait(calibration, self._ground.R_BC, foothold.side)
+        self._setpoints = setpoints
+        self._kind = TerrainKind.UNKNOWN
         self._waiting: Frame | None = None
         self._imu_arrival_ns: int | None = None
         self._newest_sample_ns: int | None = None
@@ -144,6 +153,8 @@ class Pipeline:
             yield from self._on_tick(message.t_ns)
         elif isinstance(message, AnkleState):
             self._gait.add_ankle(message)
+            if self._setpoints is not None:
+                self._setpoints.add_ankle(message)
         elif isinstance(message, LoadLevel):
             self._load = message.load
         elif isinstance(message, Reconfigured):
@@ -222,10 +233,14 @@ class Pipeline:
             steps = self._gait.add_frame(placed, self._attitude.at, path)
         ground = self._ground_of(frame, placed, steps.prosthetic, path)
         yield ground
+        if self._setpoints is not None:  # before the terrain, which takes longer: the kind is of the frame before
+            foothold = self._gait.foothold(steps, ground, path, self._kind)
+            yield self._setpoints.setpoint(ground, foothold, self._kind)
         self._propagate(ground, placed)
         yield self._motion_of(frame.header, placed)
         if not self._passes_over:
             terrain = self._terrain_of(frame, placed, ground)
+            self._kind = terrain.kind
             yield self._gait.with_foothold(terrain, steps, ground, path)
             self._motion.finish_frame()
         if self._contradiction is Reason.NONE and self._attitude.is_confirmed:
@@ -309,7 +324,10 @@ class Pipeline:
 
     def _nothing(self, t_ns: int, seq: int, reason: Reason) -> Iterator[Estimate]:
         self._propagation.drop(reason)
-        yield self._no_ground(t_ns, seq, reason)
+        ground = self._no_ground(t_ns, seq, reason)
+        yield ground
+        if self._setpoints is not None:
+            yield self._setpoints.setpoint(ground, NextFoothold.unknown(self._gait.side), self._kind)
         yield self._odometry.no_motion(t_ns, seq, reason)
         yield self._terrain.no_terrain(t_ns, seq, reason)
 

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from daemon.outgoing import withdrawn_if_late
 from drivers.can.link import SendResult
-from messages import TOPIC_OF, Estimate, GroundPlane, Health, PropagatedGround, Stamp, Terrain
+from messages import TOPIC_OF, Estimate, GroundPlane, Health, PropagatedGround, Setpoint, Stamp, Terrain
 from messages.can_encoder import CanEncoder
 from messages.can_frames import CanFrame
 
@@ -31,7 +31,8 @@ class FrameSender(Protocol):
 
 
 class CanPublisher:
-    """Sends ground, the ground carried to now, terrain with the next foothold, and health; nothing else goes on CAN.
+    """Sends ground, the ground carried to now, the ankle's set-point, terrain with the next foothold, and health;
+    nothing else goes on CAN. On a bus of CAN FD (`fd`) a set-point is one frame.
 
     `errors` counts what never reached the bus: frames by `failures`, and estimates by `superseded` and by `late`, those
     that waited for longer than the deadline of their topic, or until they were too old (`daemon.outgoing`).
@@ -43,7 +44,8 @@ class CanPublisher:
 
     name = "can"
 
-    def __init__(self, link: FrameSender, *, now_ns: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(self, link: FrameSender, *, fd: bool = False, now_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        self.fd = fd
         self.errors = 0
         self.sent = 0
         self.superseded = 0
@@ -58,7 +60,7 @@ class CanPublisher:
 
     def publish(self, estimate: Estimate, stamp: Stamp) -> None:
         """Leave `estimate` to be sent; never waits for the bus."""
-        if not isinstance(estimate, GroundPlane | PropagatedGround | Terrain | Health):
+        if not isinstance(estimate, GroundPlane | PropagatedGround | Setpoint | Terrain | Health):
             return
         with self._filled:
             if type(estimate) in self._waiting:
@@ -121,6 +123,10 @@ class CanPublisher:
             return self._encoder.ground(estimate, stamp, age_s)
         if isinstance(estimate, PropagatedGround):
             return self._encoder.propagated_ground(estimate, stamp, age_s)
+        if isinstance(estimate, Setpoint):
+            if self.fd:
+                return (self._encoder.setpoint_fd(estimate, stamp, age_s),)
+            return self._encoder.setpoint(estimate, stamp, age_s)
         if isinstance(estimate, Terrain):
             return (*self._encoder.foothold(estimate, stamp, age_s), *self._encoder.terrain(estimate, stamp, age_s))
         if isinstance(estimate, Health):

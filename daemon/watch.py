@@ -3,7 +3,7 @@
 import logging
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from drivers.protocols import DeviceError
 from messages import Reason
@@ -36,6 +36,13 @@ IN_WORDS = {
     Reason.OVER_EXPOSED: "the foothold is white or black in the picture: too bright or too dark to be seen",
     Reason.VIEW_DEFORMED: "part of one eye's picture is moved, as by a drop or a bent window; clean or replace it",
 }
+
+
+SETPOINT_IN_WORDS = {
+    Reason.PHASE_CONTRADICTS: "the ankle's own phase does not fit the steps that are seen; check [foothold] side, and"
+    " what the ankle sends",
+}
+"""What goes on for a second only by mistake; the other reasons come and go with the way."""
 
 
 class Outage:
@@ -76,25 +83,31 @@ class Outage:
         self._attempts, self.problem = 0, ""
 
 
-class GroundWatch:
-    """Logs why there is no ground once that has lasted a second, and when it ends.
+class ReasonWatch:
+    """Logs why there is no `what`, in these `words`, once that has lasted a second, and when it ends.
 
-    STARTING is not logged: it is soon over, or turns into another reason.
+    Of the ground STARTING is not logged: it is soon over, or turns into another reason.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self,
+        what: str = "ground",
+        words: Mapping[Reason, str] = IN_WORDS,
+        again: str = "the ground is seen again",
+    ) -> None:
+        self._what, self._words, self._again = what, words, again
         self._reason = Reason.NONE
         self._frames = 0
         self._logged = False
 
     def add_reason(self, reason: Reason) -> None:
-        """Take the reason of the next ground estimate."""
+        """Take the reason of the next estimate."""
         if reason is not self._reason:
             if reason is Reason.NONE and self._logged:
-                log.warning("the ground is seen again")
+                log.warning("%s", self._again)
             self._reason, self._frames = reason, 0
             self._logged = self._logged and reason is not Reason.NONE
         self._frames += 1
-        if reason in IN_WORDS and self._frames == FRAMES_BEFORE_LOGGED:
-            log.warning("no ground: %s", IN_WORDS[reason])
+        if reason in self._words and self._frames == FRAMES_BEFORE_LOGGED:
+            log.warning("no %s: %s", self._what, self._words[reason])
             self._logged = True

@@ -19,7 +19,7 @@ SECTIONS = {
         "listen", "Listener", "Credentials", "Received", "Refusal",
         "listen_can", "CanListener", "CanReceiver", "CanEstimate", "ReceivedGround",
         "ReceivedPropagatedGround", "ReceivedFoothold",
-        "ReceivedTerrain", "ReceivedEdge",
+        "ReceivedTerrain", "ReceivedEdge", "ReceivedSetpoint", "SetpointReceiver",
     ],
     "Replay a recording": ["replay", "Pipeline", "load_calibration", "FootholdSettings"],
     "Explain what a simulation gets wrong": [
@@ -29,7 +29,7 @@ SECTIONS = {
     ],
     "Messages out of the pipeline": [
         "Estimate", "GroundPlane", "PropagatedGround", "Attitude", "Motion", "Terrain", "TerrainEdge",
-        "TerrainObstacle", "TerrainKind", "NextFoothold", "Side",
+        "TerrainObstacle", "TerrainKind", "NextFoothold", "Side", "Setpoint",
         "Health", "Status", "Reason", "Stamp", "Source", "Covariance3",
         "Quaternion",
     ],

@@ -11,11 +11,19 @@ PAGE = Path(__file__).parent / "can.md"
 
 BITS_PER_S = 500_000
 REASONS_IN = "GROUND_QUALITY"
+IN_PLACE_OF_FD = ("SETPOINT", "SETPOINT_QUALITY")
+CLASSIC_BYTES = 8
 HEADER_AND_TAIL_BITS = 44
 """Of a classic frame with an 11-bit identifier: start, identifier, control, CRC, acknowledgement, end (ISO 11898-1)."""
 STUFFABLE_HEADER_BITS = 34
 """Of these: from the start to the end of the CRC."""
 PAUSE_BITS = 3
+FD_HEADER_BITS = 22
+"""Of a frame of CAN FD with an 11-bit identifier: from the start to the length (ISO 11898-1:2015)."""
+FD_LEAST_OF_CRC_21 = 17
+"""So many data bytes, or more, have a CRC of 21 bits and not of 17."""
+FD_TAIL_BITS = 10
+"""End of the CRC, acknowledgement and its end, end of the frame."""
 
 HEAD = """# On CAN
 
@@ -26,7 +34,7 @@ checks. Frames, slopes and heights are explained in [architecture](architecture.
 [safety](safety.md).
 
 Each estimate is two frames, which follow each other at once, carry one `frame_number` and are used together or not at
-all:
+all; the [set-points](setpoints.md) of the ankle, SETPOINT, are six of which each stands for itself, or one of CAN FD:
 
 <!-- not run: needs hardware -->
 ```python
@@ -38,7 +46,8 @@ with gaiteyes.listen_can("socketcan:can0", *kinds, timeout_s=0.2) as listener:
         print(estimate)
 ```
 
-1. Check length, CRC and counter (AUTOSAR end-to-end profile 2, as the DBC's comment says); drop what fails.
+1. Check length, CRC and counter (AUTOSAR end-to-end profile 2, of SETPOINT_FD profile 5, as the DBC's comments say);
+   drop what fails.
 2. Drop a first half within a quarter of its cycle after the one before: it waited in a queue and is older than it says.
 3. Join a second half with the first half before it, if both carry one `frame_number`.
 4. Act only on `status` valid, `source` live, and an age within your limit: `age_ms` and the time since the first half.
@@ -54,7 +63,8 @@ LOAD_HEAD = """## Load of the bus
 
 Worst case at 500 kbit/s: each frame with as many stuff bits as its bits can need, ⌊(34 + 8n − 1) / 4⌋ for n data bytes,
 and the pause after it; the controller's own ANKLE_STATE is counted too. Nothing is sent again and no other node is
-counted.
+counted. The frame of CAN FD, its data at the same bit rate, needs ⌊(22 + 8n − 1) / 4⌋ stuff bits, and before and in its
+CRC fixed ones; it is sent in place of SETPOINT and SETPOINT_QUALITY and not beside them.
 """
 
 
@@ -66,6 +76,10 @@ def page() -> str:
 
 def frame_bits(data_bytes: int) -> int:
     """Return how long a frame keeps the bus at worst, in bits, the pause after it included."""
+    if data_bytes > CLASSIC_BYTES:
+        head = FD_HEADER_BITS + 8 * data_bytes
+        count_and_crc = 4 + (21 if data_bytes >= FD_LEAST_OF_CRC_21 else 17)
+        return head + (head - 1) // 4 + count_and_crc + -(-count_and_crc // 4) + FD_TAIL_BITS + PAUSE_BITS
     stuffed = (STUFFABLE_HEADER_BITS + 8 * data_bytes - 1) // 4
     return HEADER_AND_TAIL_BITS + 8 * data_bytes + stuffed + PAUSE_BITS
 
@@ -100,7 +114,13 @@ def _row(message: Message, signal: Signal) -> str:
 
 
 def _rate(message: Message) -> str:
-    return f"{1e3 / _cycle_ms(message):g} times a second"
+    return f"{_per_s(message):g} times a second"
+
+
+def _per_s(message: Message) -> float:
+    assert message.dbc is not None
+    bursts = message.dbc.attributes.get("FramesPerCycle")
+    return (1 if bursts is None else int(bursts.value)) * 1e3 / _cycle_ms(message)
 
 
 def _cycle_ms(message: Message) -> int:
@@ -110,13 +130,16 @@ def _cycle_ms(message: Message) -> int:
 
 def _load(messages: list[Message]) -> str:
     lines = ["| frame | identifier | a second | bits at worst | load |", "| --- | --- | ---: | ---: | ---: |"]
-    total = 0.0
+    shares: dict[str, float] = {}
     for message in messages:
-        bits, rate_hz = frame_bits(message.length), 1e3 / _cycle_ms(message)
-        share = bits * rate_hz / BITS_PER_S
-        total += share
+        bits, rate_hz = frame_bits(message.length), _per_s(message)
+        shares[message.name] = share = bits * rate_hz / BITS_PER_S
         lines.append(f"| {message.name} | 0x{message.frame_id:03X} | {rate_hz:g} | {bits} | {100 * share:.2f} % |")
-    lines.append(f"| all | | | | {100 * total:.2f} % |")
+    fd = sum(shares[message.name] for message in messages if message.is_fd)
+    in_its_place = sum(share for name, share in shares.items() if name in IN_PLACE_OF_FD)
+    total = sum(shares.values()) - fd
+    lines.append(f"| all of a classic bus | | | | {100 * total:.2f} % |")
+    lines.append(f"| all of a bus of CAN FD | | | | {100 * (total - in_its_place + fd):.2f} % |")
     return "\n".join(lines) + "\n"
 
 

@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from messages import Reconfigured as Reconfigured
     from messages import Refusal as Refusal
     from messages import Residual as Residual
+    from messages import Setpoint as Setpoint
     from messages import Side as Side
     from messages import Source as Source
     from messages import Stamp as Stamp
@@ -93,6 +94,8 @@ if TYPE_CHECKING:
     from messages.can_estimates import ReceivedPropagatedGround as ReceivedPropagatedGround
     from messages.can_estimates import ReceivedTerrain as ReceivedTerrain
     from messages.can_receiver import CanReceiver as CanReceiver
+    from messages.can_setpoint import ReceivedSetpoint as ReceivedSetpoint
+    from messages.can_setpoint import SetpointReceiver as SetpointReceiver
     from messages.json_receiver import Received as Received
     from perception.ground.foothold import FootholdSettings as FootholdSettings
 
@@ -129,6 +132,8 @@ _HOMES = {
     "ReceivedFoothold": "messages.can_estimates",
     "ReceivedTerrain": "messages.can_estimates",
     "ReceivedEdge": "messages.can_estimates",
+    "ReceivedSetpoint": "messages.can_setpoint",
+    "SetpointReceiver": "messages.can_setpoint",
     "replay": "gaiteyes.recorded",
     "Pipeline": "daemon.pipeline",
     "load_calibration": "calib.files",
@@ -169,6 +174,7 @@ _HOMES = {
     "Quaternion": "messages",
     "Reason": "messages",
     "Reconfigured": "messages",
+    "Setpoint": "messages",
     "Side": "messages",
     "Refusal": "messages",
     "Residual": "messages",

@@ -6,6 +6,7 @@ from pathlib import Path
 from daemon.config import load_configuration
 from daemon.pipeline import Pipeline
 from daemon.replay_source import ReplaySource, open_source
+from daemon.setpoints import modulator_of_recording
 from messages import Estimate, UserError
 
 
@@ -23,7 +24,12 @@ def replay(source: Path | str, *, config: Path | str | None = None) -> Iterator[
 
 
 def _estimates(opened: ReplaySource) -> Iterator[Estimate]:
-    pipeline = Pipeline(opened.calibration, opened.configuration.foothold, opened.learnt)
+    pipeline = Pipeline(
+        opened.calibration,
+        opened.configuration.foothold,
+        opened.learnt,
+        setpoints=modulator_of_recording(opened.configuration.setpoint),
+    )
     for message in opened.inputs():
         yield from pipeline.step(message)
     damage = opened.damage()

@@ -62,6 +62,7 @@ from messages.inputs import (
 from messages.learnt import BiasAtTemperature, DepthScale, Learnt
 from messages.reasons import Reason, Status
 from messages.refusal import Refusal
+from messages.setpoint import STANCE_PERCENT, Setpoint
 from messages.terrain import NextFoothold, Side, Terrain, TerrainEdge, TerrainKind, TerrainObstacle
 from messages.topics import INTERFACE_VERSION, TOPIC_OF, TOPICS, DropRule, Topic
 
@@ -69,6 +70,7 @@ __all__ = [
     "CAMERA_HEIGHTS_M",
     "INTERFACE_VERSION",
     "NO_RESIDUAL",
+    "STANCE_PERCENT",
     "TOPICS",
     "TOPIC_OF",
     "AnkleState",
@@ -116,6 +118,7 @@ __all__ = [
     "Refusal",
     "Residual",
     "ServiceError",
+    "Setpoint",
     "Side",
     "Source",
     "Stamp",

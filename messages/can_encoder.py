@@ -1,4 +1,4 @@
-"""Estimates as CAN frames, two frames an estimate: `CanEncoder`.
+"""Estimates as CAN frames, two frames an estimate, a set-point six or one of CAN FD: `CanEncoder`.
 
 A number that does not fit its signal is not clipped: the estimate then leaves as INVALID, reason OUT_OF_RANGE, with no
 numbers at all. Standard deviations and ages are rounded up and probabilities down, so that a frame never claims more
@@ -7,15 +7,29 @@ than the estimate did.
 
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from typing import NamedTuple, TypeVar
 
-from messages.can_frames import CanFrame, CanMessage, Code, EdgeTold, can_id, codes, down, packed, profile, up
+from messages.can_frames import (
+    POINT_NUMBERS,
+    CanFrame,
+    CanMessage,
+    Code,
+    EdgeTold,
+    can_id,
+    codes,
+    down,
+    on_point,
+    packed,
+    profile,
+    up,
+)
 from messages.e2e import E2eSender
 from messages.estimates import GroundPlane, Health, PropagatedGround, Stamp
 from messages.inputs import AnkleState
 from messages.reasons import Reason, Status
+from messages.setpoint import STANCE_PERCENT, Setpoint
 from messages.terrain import Terrain
 
 FRAME_NUMBERS = 16
@@ -23,7 +37,7 @@ COUNT_MODULUS = 4096
 MOST_COUNTED = 7
 """So many edges or obstacles, or more."""
 
-E = TypeVar("E", GroundPlane, PropagatedGround, Terrain)
+E = TypeVar("E", GroundPlane, PropagatedGround, Terrain, Setpoint)
 
 
 class _Content(NamedTuple):
@@ -63,6 +77,25 @@ class CanEncoder:
         """Return TERRAIN and TERRAIN_QUALITY: the kind of ground, and the nearest edge and obstacle not behind."""
         return self._pair((CanMessage.TERRAIN, CanMessage.TERRAIN_QUALITY), terrain, _terrain_content, stamp, age_s)
 
+    def setpoint(self, setpoint: Setpoint, stamp: Stamp, age_s: float) -> tuple[CanFrame, ...]:
+        """Return five frames SETPOINT, one a point, and SETPOINT_QUALITY."""
+        raws = self._raws(codes(CanMessage.SETPOINT_FD), setpoint, _setpoint_content, stamp, age_s)
+        points = (
+            self._frame(
+                CanMessage.SETPOINT,
+                {name: raws[name] for name in ("frame_number", "status", "source", "age_ms")}
+                | {"stance_percent": place}
+                | {name: raws[on_point(name, percent)] for name in POINT_NUMBERS},
+            )
+            for place, percent in enumerate(STANCE_PERCENT)
+        )
+        return *points, self._frame(CanMessage.SETPOINT_QUALITY, _of(CanMessage.SETPOINT_QUALITY, raws))
+
+    def setpoint_fd(self, setpoint: Setpoint, stamp: Stamp, age_s: float) -> CanFrame:
+        """Return SETPOINT_FD, for a bus of CAN FD."""
+        raws = self._raws(codes(CanMessage.SETPOINT_FD), setpoint, _setpoint_content, stamp, age_s)
+        return self._frame(CanMessage.SETPOINT_FD, _of(CanMessage.SETPOINT_FD, raws))
+
     def health(self, health: Health, stamp: Stamp) -> CanFrame:
         """Return HEALTH: counts since the start, modulo 4096."""
         counts = {
@@ -89,7 +122,18 @@ class CanEncoder:
         age_s: float,
     ) -> tuple[CanFrame, CanFrame]:
         """Return both halves, each value in the one that has a signal of its name."""
-        layout = _layout(*pair)
+        raws = self._raws(_layout(*pair), estimate, content_of, stamp, age_s)
+        first, second = (self._frame(message, _of(message, raws)) for message in pair)
+        return first, second
+
+    def _raws(
+        self,
+        layout: Mapping[str, Code],
+        estimate: E,
+        content_of: Callable[[E], _Content],
+        stamp: Stamp,
+        age_s: float,
+    ) -> dict[str, int | None]:
         content = content_of(estimate)
         raws = _raw_numbers(layout, content)
         unfit = any(raws[name] is None for name, value in content.numbers.items() if value is not None)
@@ -103,11 +147,7 @@ class CanEncoder:
             **content.words,
         }
         raws |= {**content.counts, **_raw_words(layout, words)}
-        raws |= {"frame_number": stamp.seq % FRAME_NUMBERS, "age_ms": _age_ms(layout["age_ms"], age_s)}
-        first, second = (
-            self._frame(message, {name: raws[name] for name in codes(message) if name in raws}) for message in pair
-        )
-        return first, second
+        return raws | {"frame_number": stamp.seq % FRAME_NUMBERS, "age_ms": _age_ms(layout["age_ms"], age_s)}
 
     def _frame(self, message: CanMessage, raws: Mapping[str, int | None]) -> CanFrame:
         layout = codes(message)
@@ -117,6 +157,10 @@ class CanEncoder:
             if (value := layout[name].not_available if raw is None else raw) is not None
         }
         return CanFrame(can_id(message), self._senders[message].protect(packed(message, present)))
+
+
+def _of(message: CanMessage, raws: Mapping[str, int | None]) -> dict[str, int | None]:
+    return {name: raws[name] for name in codes(message) if name in raws}
 
 
 @functools.cache
@@ -169,6 +213,31 @@ def _terrain_content(terrain: Terrain) -> _Content:
         numbers |= {f"obstacle_{name}": getattr(obstacles[0], name) for name in _OBSTACLE_NUMBERS}
     counts = {"edges_ahead": min(len(edges), MOST_COUNTED), "obstacles_ahead": min(len(obstacles), MOST_COUNTED)}
     return _Content(terrain.status, terrain.reason, numbers, {"kind": terrain.kind, "edge": told}, counts)
+
+
+def _setpoint_content(setpoint: Setpoint) -> _Content:
+    numbers: dict[str, float | None] = {
+        on_point(name, percent): value
+        for name in POINT_NUMBERS
+        for percent, value in zip(STANCE_PERCENT, getattr(setpoint, name), strict=True)
+    }
+    numbers |= {
+        "slope_rad": setpoint.slope_rad,
+        "slope_sd_rad": setpoint.slope_sd_rad,
+        "equilibrium_sd_rad": _largest(setpoint.equilibrium_sd_rad),
+        "stiffness_sd_share": _largest_share(setpoint.stiffness_sd_nm_per_rad, setpoint.stiffness_nm_per_rad),
+        "damping_sd_share": _largest_share(setpoint.damping_sd_nms_per_rad, setpoint.damping_nms_per_rad),
+    }
+    return _Content(setpoint.status, setpoint.reason, numbers, {"phase": setpoint.phase}, {})
+
+
+def _largest(values: Sequence[float]) -> float:
+    """Return the largest; NaN where one is."""
+    return math.nan if any(map(math.isnan, values)) else max(values)
+
+
+def _largest_share(deviations: Sequence[float], values: Sequence[float]) -> float:
+    return _largest([sd / of if of > 0.0 else math.nan for sd, of in zip(deviations, values, strict=True)])
 
 
 def _raw_numbers(layout: Mapping[str, Code], content: _Content) -> dict[str, int | None]:

@@ -15,11 +15,12 @@ import cantools.database
 import msgspec
 from cantools.database.can import Database, Message, Signal
 
-from messages.e2e import Profile2
+from messages.e2e import Profile, Profile2, Profile5
 from messages.inputs import AnkleState, GaitPhase
 
 NOT_AVAILABLE = "not_available"
 RESERVED = "reserved"
+CLASSIC_BYTES = 8
 
 
 class CanMessage(str, enum.Enum):
@@ -34,7 +35,20 @@ class CanMessage(str, enum.Enum):
     FOOTHOLD_QUALITY = "FOOTHOLD_QUALITY"
     TERRAIN = "TERRAIN"
     TERRAIN_QUALITY = "TERRAIN_QUALITY"
+    SETPOINT = "SETPOINT"
+    SETPOINT_QUALITY = "SETPOINT_QUALITY"
+    SETPOINT_FD = "SETPOINT_FD"
     HEALTH = "HEALTH"
+
+
+POINT_NUMBERS = ("equilibrium_rad", "stiffness_nm_per_rad", "damping_nms_per_rad")
+"""The signals of one point in SETPOINT, and the fields of `messages.Setpoint` that they tell."""
+
+
+def on_point(name: str, percent: int) -> str:
+    """Return under which name SETPOINT_FD tells one of the `POINT_NUMBERS` at `percent` of stance."""
+    quantity, _, unit = name.partition("_")
+    return f"{quantity}_{percent}_{unit}"
 
 
 class EdgeTold(str, enum.Enum):
@@ -46,10 +60,15 @@ class EdgeTold(str, enum.Enum):
 
 
 class CanFrame(msgspec.Struct, frozen=True):
-    """One classic CAN frame: an 11-bit identifier and its data bytes."""
+    """One CAN frame: an 11-bit identifier and its data bytes, more than 8 on a bus of CAN FD alone."""
 
     can_id: int
     data: bytes
+
+    @property
+    def is_fd(self) -> bool:
+        """Return whether it takes CAN FD."""
+        return len(self.data) > CLASSIC_BYTES
 
 
 class Fields(msgspec.Struct, frozen=True):
@@ -81,17 +100,23 @@ def can_id(message: CanMessage) -> int:
 
 
 @functools.cache
-def profile(message: CanMessage) -> Profile2:
+def profile(message: CanMessage) -> Profile:
     """Return the protection and the cycle of `message` from its DBC attributes."""
     definition = _message(message)
     if definition.dbc is None:
         raise TypeError(f"gaiteyes.dbc: {message.value} has no attributes")
     attributes = definition.dbc.attributes
+    max_delta = int(attributes["E2EMaxDeltaCounter"].value)
+    cycle_s = 1e-3 * int(attributes["GenMsgCycleTime"].value)
+    if attributes["E2EProfile"].value == "PROFILE_05":
+        data_id = int(attributes["E2EDataId"].value)
+        return Profile5(length=definition.length, max_delta=max_delta, cycle_s=cycle_s, data_id=data_id)
     return Profile2(
         length=definition.length,
+        max_delta=max_delta,
+        cycle_s=cycle_s,
         data_ids=bytes.fromhex(str(attributes["E2EDataIdList"].value)),
-        max_delta=int(attributes["E2EMaxDeltaCounter"].value),
-        cycle_s=1e-3 * int(attributes["GenMsgCycleTime"].value),
+        frames_per_cycle=int(attributes["FramesPerCycle"].value) if "FramesPerCycle" in attributes else 1,
     )
 
 

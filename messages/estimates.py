@@ -10,6 +10,7 @@ import numpy as np
 from messages.arrays import FloatArray
 from messages.inputs import CanBusHealth, DropCause, Load, RecordingState, Vec3, ZenohHealth
 from messages.reasons import Reason, Status, status_without_numbers
+from messages.setpoint import Setpoint
 from messages.terrain import Terrain
 
 Quaternion = tuple[float, float, float, float]
@@ -273,12 +274,12 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     height_contradicts: bool = False
 
 
-Estimate = Attitude | GroundPlane | PropagatedGround | Motion | Terrain | Health
+Estimate = Attitude | GroundPlane | PropagatedGround | Motion | Terrain | Setpoint | Health
 
 
 def capture_ns(estimate: Estimate) -> int:
     """Return the CLOCK_MONOTONIC instant for which `estimate` stands."""
-    if isinstance(estimate, GroundPlane | Motion | Terrain):
+    if isinstance(estimate, GroundPlane | Motion | Terrain | Setpoint):
         return estimate.t_exposure_ns
     return estimate.t_sample_ns if isinstance(estimate, Attitude | PropagatedGround) else estimate.t_ns
 

@@ -39,6 +39,10 @@ class Reason(str, enum.Enum):
     UNCONFIRMED = "unconfirmed"  # no camera has checked the gyroscope for long, or not long enough since
     OCCLUDED = "occluded"  # the surface under the foothold is hidden behind a lip
     OVER_EXPOSED = "over_exposed"  # the foothold is white or black in the picture: there is nothing to match
+    UNCERTAIN = "uncertain"  # of a set-point: the slope's deviation is too large to act on
+    PHASE_CONTRADICTS = "phase_contradicts"  # of a set-point: the ankle's phase is not the one its eyes see
+    NO_NEXT_STEP = "no_next_step"  # of a set-point: the wearer stands, or where the foot lands is not known
+    NO_SET_POINT = "no_set_point"  # of a set-point: the table has none for this kind, or this slope, of ground
 
     @property
     def status(self) -> Status:
@@ -46,6 +50,10 @@ class Reason(str, enum.Enum):
         if self is Reason.NONE:
             return Status.VALID
         return Status.INITIALISING if self in (Reason.STARTING, Reason.NOT_AT_REST) else Status.INVALID
+
+
+OF_SET_POINTS = frozenset({Reason.UNCERTAIN, Reason.PHASE_CONTRADICTS, Reason.NO_NEXT_STEP, Reason.NO_SET_POINT})
+"""Why there is no set-point though there is ground."""
 
 
 def status_without_numbers(reason: Reason) -> Status:

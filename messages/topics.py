@@ -17,6 +17,7 @@ from messages.inputs import (
     StereoFrame,
     Tick,
 )
+from messages.setpoint import Setpoint
 from messages.terrain import Terrain
 
 INTERFACE_VERSION = 2
@@ -88,6 +89,7 @@ _ROWS = (
     ),
     Topic(name="motion", message=Motion, rate_hz=20.0, deadline_s=0.100, drop=DropRule.NEWEST_WINS, published=True),
     Topic(name="terrain", message=Terrain, rate_hz=20.0, deadline_s=0.100, drop=DropRule.NEWEST_WINS, published=True),
+    Topic(name="setpoint", message=Setpoint, rate_hz=20.0, deadline_s=0.150, drop=DropRule.NEWEST_WINS, published=True),
     Topic(name="health", message=Health, rate_hz=1.0, deadline_s=2.0, drop=DropRule.NEWEST_WINS, published=True),
     Topic(name="truth", message=GroundTruth, rate_hz=20.0, deadline_s=0.100, drop=DropRule.OLDEST_GOES),
 )

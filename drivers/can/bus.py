@@ -35,15 +35,16 @@ def open_bus(settings: CanSettings) -> tuple[can.BusABC, Send]:
 
     Raises DeviceError, in one line, if it cannot be opened or its link is down.
     """
-    options: dict[CanInterface, dict[str, int | float | bool]] = {
-        CanInterface.VIRTUAL: {"rx_queue_size": RECEIVE_QUEUE_FRAMES},
-        CanInterface.SOCKETCAN: {},
+    protocol = can.CanProtocol.CAN_FD if settings.fd else can.CanProtocol.CAN_20
+    options: dict[CanInterface, dict[str, int | float | bool | can.CanProtocol]] = {
+        CanInterface.VIRTUAL: {"rx_queue_size": RECEIVE_QUEUE_FRAMES, "protocol": protocol},
+        CanInterface.SOCKETCAN: {"fd": settings.fd},
         CanInterface.SLCAN: {
             "bitrate": settings.bitrate,
             "sleep_after_open": settings.settle_s,
             "timeout": SERIAL_POLL_S,
         },
-        CanInterface.UDP_MULTICAST: {"hop_limit": 0, "fd": False},
+        CanInterface.UDP_MULTICAST: {"hop_limit": 0, "fd": settings.fd},
     }
     if settings.interface is CanInterface.SOCKETCAN:
         _check_link_is_up(settings)
@@ -117,7 +118,8 @@ class _BusSender:
         self._bus = bus
 
     def send(self, frame: CanFrame) -> bool:
-        self._bus.send(can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=False), timeout=0)
+        told = can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=False, is_fd=frame.is_fd)
+        self._bus.send(told, timeout=0)
         return True
 
 

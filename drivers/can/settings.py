@@ -20,13 +20,20 @@ class CanInterface(str, enum.Enum):
 class CanSettings(msgspec.Struct, frozen=True, kw_only=True):
     """Which bus. `bitrate` and `settle_s` are for slcan: other backends take the bit rate the system has set.
 
-    `settle_s`: an adapter that restarts when its port is opened needs about 2 s before it listens.
+    `settle_s`: an adapter that restarts when its port is opened needs about 2 s before it listens. `fd`: every node of
+    the bus takes CAN FD, which set-points then use; slcan has none.
     """
 
     interface: CanInterface = CanInterface.VIRTUAL
     channel: str = "gaiteyes"
     bitrate: Annotated[int, msgspec.Meta(ge=10_000, le=1_000_000)] = 500_000
     settle_s: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 2.0
+    fd: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what the backend cannot do."""
+        if self.fd and self.interface is CanInterface.SLCAN:
+            raise ValueError("fd is true, allowed false with interface slcan: it has no CAN FD")
 
     @property
     def name(self) -> str:

@@ -1,4 +1,4 @@
-/* Prints the ground as GaitEyes sends it on CAN, or why a frame may not be acted upon.
+/* Prints the ground and the ankle's set-points as GaitEyes sends them on CAN, or why a frame may not be acted upon.
  *
  *     can_subscriber can0                       a SocketCAN interface of this machine
  *     can_subscriber - < frames.log             what `candump -L can0` wrote
@@ -17,10 +17,17 @@
 #include <unistd.h>
 
 #include "ground_receiver.h"
+#include "setpoint_receiver.h"
 
 enum { PASSED_WITHOUT = 200 /* ms: no ground for so long means no knowledge of the ground */ };
 
-static void tell(struct ground_receiver *receiver, uint32_t frame_id, const uint8_t *data, size_t length, int64_t t_ns)
+struct receivers {
+    struct ground_receiver ground;
+    struct setpoint_receiver setpoint;
+};
+
+static void tell_ground(struct ground_receiver *receiver, uint32_t frame_id, const uint8_t *data, size_t length,
+                        int64_t t_ns)
 {
     struct ground_estimate ground;
     enum ground_verdict found = ground_receiver_feed(receiver, frame_id, data, length, t_ns, &ground);
@@ -30,36 +37,60 @@ static void tell(struct ground_receiver *receiver, uint32_t frame_id, const uint
                ground.slope_frontal_sd_rad, ground.height_sd_m, ground.age_s, ground.calibration_id);
     else if (found != GROUND_FIRST_HALF && found != GROUND_OTHER_MESSAGE)
         printf("refused %s\n", ground_verdict_name(found));
+}
+
+static void tell_setpoint(struct setpoint_receiver *receiver, uint32_t frame_id, const uint8_t *data, size_t length,
+                          int64_t t_ns)
+{
+    struct setpoint_update told;
+    enum setpoint_verdict found = setpoint_receiver_feed(receiver, frame_id, data, length, t_ns, &told);
+    if (found == SETPOINT_OK) {
+        printf("setpoint slope %+.4f sd %.4f rad phase %u age %.6f s", told.slope_rad, told.slope_sd_rad, told.phase,
+               told.age_s);
+        for (int k = 0; k < SETPOINT_POINTS; k++)
+            printf(" %+.4f %.1f %.2f", told.equilibrium_rad[k], told.stiffness_nm_per_rad[k],
+                   told.damping_nms_per_rad[k]);
+        printf(" sd %.3f %.2f %.2f\n", told.equilibrium_sd_rad, told.stiffness_sd_share, told.damping_sd_share);
+    } else if (found != SETPOINT_FIRST_HALF && found != SETPOINT_OTHER_MESSAGE)
+        printf("refused setpoint %s\n", setpoint_verdict_name(found));
+}
+
+static void tell(struct receivers *receivers, uint32_t frame_id, const uint8_t *data, size_t length, int64_t t_ns)
+{
+    tell_ground(&receivers->ground, frame_id, data, length, t_ns);
+    tell_setpoint(&receivers->setpoint, frame_id, data, length, t_ns);
     fflush(stdout);
 }
 
-static int read_log(struct ground_receiver *receiver)
+static int read_log(struct receivers *receivers)
 {
-    char line[256], hex[64];
+    char line[256], hex[132];
     int64_t seconds, microseconds;
     uint32_t frame_id;
     while (fgets(line, sizeof line, stdin)) {
         hex[0] = '\0';
-        if (sscanf(line, "(%" SCNd64 ".%" SCNd64 ") %*s %" SCNx32 "#%63[0-9A-Fa-f]", &seconds, &microseconds, &frame_id,
+        if (sscanf(line, "(%" SCNd64 ".%" SCNd64 ") %*s %" SCNx32 "#%131[#0-9A-Fa-f]", &seconds, &microseconds, &frame_id,
                    hex) < 3) {
             fprintf(stderr, "not a line of candump -L: %s", line);
             return 2;
         }
         uint8_t data[64];
-        size_t length = strlen(hex) / 2;
+        const char *digits = hex[0] == '#' && hex[1] != '\0' ? hex + 2 : hex; /* of CAN FD: ## and a digit of flags */
+        size_t length = strlen(digits) / 2;
         for (size_t place = 0; place < length; place++)
-            sscanf(hex + 2 * place, "%2hhx", &data[place]);
-        tell(receiver, frame_id, data, length, seconds * 1000000000 + microseconds * 1000);
+            sscanf(digits + 2 * place, "%2hhx", &data[place]);
+        tell(receivers, frame_id, data, length, seconds * 1000000000 + microseconds * 1000);
     }
     return 0;
 }
 
-static int listen_on(struct ground_receiver *receiver, const char *name)
+static int listen_on(struct receivers *receivers, const char *name)
 {
     int link = socket(PF_CAN, SOCK_RAW, CAN_RAW);
     struct ifreq interface = {0};
     strncpy(interface.ifr_name, name, sizeof interface.ifr_name - 1);
     struct sockaddr_can address = {.can_family = AF_CAN};
+    int with_fd = 1; /* an interface without CAN FD refuses it, and has no such frames */
     struct timeval patience = {.tv_usec = PASSED_WITHOUT * 1000};
     if (link < 0 || ioctl(link, SIOCGIFINDEX, &interface) < 0 ||
         (address.can_ifindex = interface.ifr_ifindex, bind(link, (struct sockaddr *)&address, sizeof address)) < 0 ||
@@ -67,13 +98,14 @@ static int listen_on(struct ground_receiver *receiver, const char *name)
         fprintf(stderr, "%s: %s\n", name, strerror(errno));
         return 2;
     }
-    struct can_frame frame;
+    (void)setsockopt(link, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &with_fd, sizeof with_fd);
+    struct canfd_frame frame;
     for (;;) {
         ssize_t size = read(link, &frame, sizeof frame);
         struct timespec now;
         clock_gettime(CLOCK_MONOTONIC, &now);
-        if (size == (ssize_t)sizeof frame)
-            tell(receiver, frame.can_id, frame.data, frame.can_dlc, now.tv_sec * INT64_C(1000000000) + now.tv_nsec);
+        if (size == (ssize_t)CAN_MTU || size == (ssize_t)CANFD_MTU)
+            tell(receivers, frame.can_id, frame.data, frame.len, now.tv_sec * INT64_C(1000000000) + now.tv_nsec);
         else if (errno == EAGAIN)
             puts("silence: nothing is known of the ground");
         else {
@@ -90,7 +122,8 @@ int main(int count, char **arguments)
         fprintf(stderr, "usage: %s INTERFACE|- [--accept-simulated]\n", arguments[0]);
         return 2;
     }
-    struct ground_receiver receiver;
-    ground_receiver_init(&receiver, 0.1, simulated);
-    return strcmp(arguments[1], "-") == 0 ? read_log(&receiver) : listen_on(&receiver, arguments[1]);
+    struct receivers receivers;
+    ground_receiver_init(&receivers.ground, 0.1, simulated);
+    setpoint_receiver_init(&receivers.setpoint, 0.15, simulated);
+    return strcmp(arguments[1], "-") == 0 ? read_log(&receivers) : listen_on(&receivers, arguments[1]);
 }

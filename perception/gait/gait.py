@@ -71,9 +71,7 @@ class Gait:
 
     def with_foothold(self, terrain: Terrain, steps: NextSteps, ground: GroundPlane, path: PathAhead) -> Terrain:
         """Return `terrain` with the foothold of the same frame, where it is valid."""
-        if steps.prosthetic is not None and not _is_under(ground, steps.prosthetic, path, terrain.kind):
-            ground = msgspec.structs.replace(ground, status=Status.INVALID)
-        bend = self._bend_under(steps.prosthetic, ground.t_exposure_ns, path)
+        ground, bend = self._under(steps.prosthetic, ground, path, terrain.kind)
         level_m = self._watch.trail.height_at_m(ground.t_exposure_ns)
         height = _height_on(ground, steps.prosthetic, level_m)
         self._stance.add(self.side, steps.prosthetic, height)
@@ -83,6 +81,19 @@ class Gait:
             return terrain
         foothold = _foothold(self.side, steps.prosthetic, ground, bend, self._stance.rise_to(height))
         return msgspec.structs.replace(terrain, foothold=foothold)
+
+    def foothold(self, steps: NextSteps, ground: GroundPlane, path: PathAhead, kind: TerrainKind) -> NextFoothold:
+        """Return the foothold as far as it is known before the terrain of its frame; `kind` is of the frame before."""
+        ground, bend = self._under(steps.prosthetic, ground, path, kind)
+        return _foothold(self.side, steps.prosthetic, ground, bend, (math.nan, math.nan))
+
+    def _under(
+        self, landing: Landing | None, ground: GroundPlane, path: PathAhead, kind: TerrainKind
+    ) -> tuple[GroundPlane, float]:
+        """Return `ground`, invalid where it is not that under the foot, and the bend beside it."""
+        if landing is not None and not _is_under(ground, landing, path, kind):
+            ground = msgspec.structs.replace(ground, status=Status.INVALID)
+        return ground, self._bend_under(landing, ground.t_exposure_ns, path)
 
     def _bend_under(self, landing: Landing | None, t_ns: int, path: PathAhead) -> float:
         """Return the largest change of the slope that was seen beside the foothold of late: how near it is, no frame

@@ -7,6 +7,7 @@ from messages import (
     Calibration,
     CanBusHealth,
     DropCause,
+    GaitPhase,
     GroundPlane,
     Health,
     ImuCalibration,
@@ -20,6 +21,7 @@ from messages import (
     Reason,
     RecordingState,
     Residual,
+    Setpoint,
     Side,
     Source,
     Stamp,
@@ -136,6 +138,28 @@ def terrain(**changes: object) -> Terrain:
         edges=(step,),
         obstacles=(post,),
         foothold=foothold,
+        calibration_id="a3f01234",
+    )
+    return msgspec.structs.replace(valid, **changes)
+
+
+def setpoint(**changes: object) -> Setpoint:
+    valid = Setpoint(
+        t_exposure_ns=1_000_000_000,
+        frame_seq=3,
+        status=Status.VALID,
+        reason=Reason.NONE,
+        phase=GaitPhase.SWING,
+        kind=TerrainKind.RAMP_UP,
+        slope_rad=0.1,
+        slope_sd_rad=0.01,
+        equilibrium_rad=(0.0, 0.05, 0.1, 0.05, -0.1),
+        equilibrium_sd_rad=(0.02,) * 5,
+        stiffness_nm_per_rad=(100.0, 200.0, 300.0, 500.0, 80.0),
+        stiffness_sd_nm_per_rad=(20.0,) * 5,
+        damping_nms_per_rad=(1.0, 2.0, 2.0, 2.0, 1.0),
+        damping_sd_nms_per_rad=(0.5,) * 5,
+        table_id="0123abcd",
         calibration_id="a3f01234",
     )
     return msgspec.structs.replace(valid, **changes)

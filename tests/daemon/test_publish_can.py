@@ -7,7 +7,16 @@ from daemon.publish_can import CanPublisher
 from drivers.can.link import SendResult
 from messages import TOPIC_OF, GroundPlane, Health
 from messages.can_frames import CanFrame, CanMessage, can_id, decode
-from tests.bench.can_samples import attitude, ground, health, invalid_ground, propagated_ground, stamp, terrain
+from tests.bench.can_samples import (
+    attitude,
+    ground,
+    health,
+    invalid_ground,
+    propagated_ground,
+    setpoint,
+    stamp,
+    terrain,
+)
 
 GROUND, QUALITY, HEALTH = (can_id(m) for m in (CanMessage.GROUND, CanMessage.GROUND_QUALITY, CanMessage.HEALTH))
 
@@ -171,3 +180,28 @@ def test_what_has_no_number_to_grow_old_waits_for_its_deadline(estimate: GroundP
         publisher.drain(0.0)
         assert bool(link.offered) is sent
         assert publisher.late == (not sent)
+
+
+def test_a_set_point_goes_out_as_five_points_and_their_quality_and_on_can_fd_as_one_frame() -> None:
+    link = Link()
+    publisher = publisher_on(link)
+    publisher.publish(setpoint(), stamp())
+    publisher.drain(0.0)
+    points, quality, fd = (
+        can_id(m) for m in (CanMessage.SETPOINT, CanMessage.SETPOINT_QUALITY, CanMessage.SETPOINT_FD)
+    )
+    assert link.ids == [points] * 5 + [quality]
+    publisher.fd = True
+    publisher.publish(setpoint(), stamp(seq=1))
+    publisher.drain(0.0)
+    assert link.ids[6:] == [fd]
+    assert decode(CanMessage.SETPOINT_FD, link.offered[-1].data).numbers["age_ms"] == 41.0
+
+
+def test_a_set_point_whose_ground_was_seen_too_long_ago_is_not_sent() -> None:
+    link = Link()
+    publisher = publisher_on(link, now_ns=1_000_000_000 + STALE_NS + 1)
+    publisher.publish(setpoint(), stamp())
+    publisher.drain(0.0)
+    assert link.offered == []
+    assert (publisher.late, publisher.errors) == (1, 1)

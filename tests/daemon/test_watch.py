@@ -5,9 +5,10 @@ import logging
 import pytest
 
 from daemon.load import LoadDecision
-from daemon.watch import FRAMES_BEFORE_LOGGED, IN_WORDS, GroundWatch, Outage
+from daemon.watch import FRAMES_BEFORE_LOGGED, IN_WORDS, SETPOINT_IN_WORDS, Outage, ReasonWatch
 from drivers.protocols import DeviceError
 from messages import Load, Reason
+from messages.reasons import OF_SET_POINTS
 
 SECOND_NS = 1_000_000_000
 
@@ -19,14 +20,14 @@ def told(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
 
 
 def test_exchanged_eyes_are_told_once_and_their_end_too(told: pytest.LogCaptureFixture) -> None:
-    watch = GroundWatch()
+    watch = ReasonWatch()
     for reason in [Reason.EYES_SWAPPED] * 5 * FRAMES_BEFORE_LOGGED + [Reason.NONE] * 3:
         watch.add_reason(reason)
     assert told.messages == [f"no ground: {IN_WORDS[Reason.EYES_SWAPPED]}", "the ground is seen again"]
 
 
 def test_what_passes_within_a_second_is_not_told(told: pytest.LogCaptureFixture) -> None:
-    watch = GroundWatch()
+    watch = ReasonWatch()
     for _ in range(10):
         for reason in [Reason.NOT_PLANAR] * (FRAMES_BEFORE_LOGGED - 1) + [Reason.NONE]:
             watch.add_reason(reason)
@@ -34,7 +35,16 @@ def test_what_passes_within_a_second_is_not_told(told: pytest.LogCaptureFixture)
 
 
 def test_every_reason_that_can_last_has_words() -> None:
-    assert set(IN_WORDS) == set(Reason) - {Reason.NONE, Reason.STARTING}
+    assert set(IN_WORDS) == set(Reason) - {Reason.NONE, Reason.STARTING} - OF_SET_POINTS
+    assert set(SETPOINT_IN_WORDS) <= OF_SET_POINTS
+
+
+def test_a_phase_that_goes_on_contradicting_is_told_with_what_to_check(told: pytest.LogCaptureFixture) -> None:
+    watch = ReasonWatch("set-point", SETPOINT_IN_WORDS, "there are set-points again")
+    for reason in [Reason.NO_NEXT_STEP] * 50 + [Reason.PHASE_CONTRADICTS] * 50 + [Reason.NONE]:
+        watch.add_reason(reason)
+    words = SETPOINT_IN_WORDS[Reason.PHASE_CONTRADICTS]
+    assert told.messages == [f"no set-point: {words}", "there are set-points again"]
 
 
 def test_load_is_reduced_after_two_superseded_frames_and_relaxes_after_calm() -> None:

@@ -7,7 +7,6 @@ from messages.can_encoder import CanEncoder
 from messages.can_estimates import ReceivedGround, ReceivedPropagatedGround
 from messages.can_frames import CanFrame, CanMessage, can_id, profile
 from messages.can_receiver import CanReceiver
-from messages.e2e import counter_of
 from messages.refusal import Refusal
 from tests.bench.can_samples import ground, health, invalid_ground, propagated_ground, stamp
 
@@ -172,7 +171,8 @@ def test_identifiers_put_the_halves_on_the_bus_in_order_and_the_ankle_first() ->
     assert can_id(CanMessage.GROUND_QUALITY) < can_id(CanMessage.HEALTH) < 0x800
     first, second = Bus().frames()
     assert (first.can_id, second.can_id) == (can_id(CanMessage.GROUND), can_id(CanMessage.GROUND_QUALITY))
-    assert counter_of(first.data) == counter_of(second.data)
+    of_ground = profile(CanMessage.GROUND)
+    assert of_ground.counter_of(first.data) == of_ground.counter_of(second.data)
 
 
 def carried(encoder: CanEncoder, seq: int, age_s: float = 0.004) -> tuple[CanFrame, CanFrame]:
