@@ -1,7 +1,8 @@
 """The foot of a prosthesis on the ground: three points with springs and dampers, an ankle with a torque, a leg's force.
 
 The foot moves in the plane of walking: its ankle at (x, z) of W, its pitch > 0 with the toes up. What moves with the
-ankle weighs `_MASS_KG`, the foot turns about it with `_INERTIA_KGM2`, the drive's own inertia in it. Each point meets
+ankle weighs `_MASS_KG`, the foot turns about it with `_INERTIA_KGM2` and the joint's own `_JOINT_NMS_PER_RAD`, in which
+the drive's inertia and its gear's friction are held. Each point meets
 the ground with a spring and Hunt and Crossley's damper along the normal (IEEE Trans. Automatic Control 20, 1975:
 the force is k d (1 + c ḋ), never a pull) and with Coulomb's friction through a spring that slips (Cundall and Strack,
 Géotechnique 29, 1979). Steps of `STEP_S`, velocities before places (semi-implicit Euler).
@@ -31,7 +32,8 @@ STOPS_RAD: Final = (-0.50, 0.55)
 """The joint's end stops: plantarflexed, dorsiflexed."""
 
 _MASS_KG: Final = 4.0
-_INERTIA_KGM2: Final = 0.03
+_INERTIA_KGM2: Final = 0.06
+_JOINT_NMS_PER_RAD: Final = 1.5
 _STIFFNESS_N_PER_M: Final = 60e3
 _DAMPING_S_PER_M: Final = 1.0
 _SIDEWAYS_N_PER_M: Final = 40e3
@@ -82,8 +84,10 @@ class Foot:
         The shank leans forward by `shank_rad`.
         """
         cos, sin = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
-        self.stop_nm = self._at_stops(shank_rad + self.pitch_rad, shank_radps + self.pitch_radps)
-        fx, fz, moment = leg_n[0], leg_n[1] - _MASS_KG * STANDARD_GRAVITY_MPS2, ankle_nm + self.stop_nm
+        angle_rad, rate_radps = shank_rad + self.pitch_rad, shank_radps + self.pitch_radps
+        self.stop_nm = self._at_stops(angle_rad, rate_radps)
+        moment = ankle_nm + self.stop_nm - _JOINT_NMS_PER_RAD * rate_radps
+        fx, fz = leg_n[0], leg_n[1] - _MASS_KG * STANDARD_GRAVITY_MPS2
         for k, (ahead_m, up_m) in enumerate(POINTS_M):
             rx, rz = ahead_m * cos - up_m * sin, ahead_m * sin + up_m * cos
             px, pz = self._on_point(ground, k, rx, rz)

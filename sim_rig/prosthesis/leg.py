@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from messages.arrays import FloatArray
+from messages.arrays import FloatArray, IntArray
 from messages.constants import STANDARD_GRAVITY_MPS2
 from sim_rig.prosthesis.foot import ANKLE_ABOVE_M, ANKLE_BEHIND_M, BALL_M, HEEL_M, STEP_NS, STEP_S, TOE_M
 from sim_rig.prosthesis.profile import Profile
@@ -26,10 +26,16 @@ SWING_NS_PER_M: Final = 600.0
 """How stiffly the leg leads the ankle while the foot swings."""
 STANCE_NS_PER_M: Final = 250.0
 
+_BESIDE_RISER_M = 0.012
+_TOE_REACHES_M = TOE_M[0] - ANKLE_BEHIND_M + _BESIDE_RISER_M
+_HEEL_REACHES_M = ANKLE_BEHIND_M - HEEL_M[0] + _BESIDE_RISER_M
 _LONGEST_STEPS = round(1.0 / STEP_S)
 _SPARE_LEG = 1.005
 _STRAIGHT_M = 0.008
-_CLEARANCE_M, _LIFT_GRAIN_M, _MOST_LIFT_M = 0.015, 0.01, 0.40
+_CLEARANCE_M, _LEAST_LIFT_M, _MOST_LIFT_M = 0.015, 0.05, 0.40
+_LATENESSES = (0.0, 0.15, 0.3, 0.45)
+_LEAVING, _LANDING = 0.2, 0.9
+_FREED = 0.12  # of a swing: until then the foot only rises, lest the toe catches
 _LOAD_S, _HALF_S = 0.13, 0.12
 _STANDS_S = 0.45
 _LANDING_LOAD, _PRESSED_M = 0.12, 0.003
@@ -74,13 +80,20 @@ class WearersLeg:
             return x_m, self._ground.height_m(x_m) + ANKLE_ABOVE_M / math.cos(slope_rad)
         slope_rad = foothold.slope_rad
         cos, sin = math.cos(slope_rad), math.sin(slope_rad)
-        x_m, z_m = float(foothold.p_WF_m[0]), float(foothold.p_WF_m[2])
+        x_m, z_m = self.put_m(foothold)
         return x_m - ANKLE_BEHIND_M * cos - ANKLE_ABOVE_M * sin, z_m - ANKLE_BEHIND_M * sin + ANKLE_ABOVE_M * cos
 
-    def piece(self, first: int, ankle_m: tuple[float, float], shank_rad: float, foot_pitch_rad: float) -> Piece:
+    def put_m(self, foothold: Foothold) -> tuple[float, float]:
+        """Return where the wearer puts the middle of the sole (x, z): on the foothold, but not into a riser."""
+        x_m, z_m = float(foothold.p_WF_m[0]), float(foothold.p_WF_m[2])
+        behind_m, ahead_m = self._ground.walls_m(x_m)
+        free_m = max(min(x_m, ahead_m - _TOE_REACHES_M), behind_m + _HEEL_REACHES_M)
+        return free_m, z_m + math.tan(foothold.slope_rad) * (free_m - x_m)
+
+    def piece(self, first: int, ankle_m: tuple[float, float], shank_rad: float, landing_rad: float) -> Piece:
         """Return what the leg does from step `first` on, when the ankle is where it is and the shank leans so.
 
-        `foot_pitch_rad` is the angle between foot and shank with which the foot is to land.
+        `landing_rad` is the ankle's angle in swing, with which the foot is to land.
         """
         t_ns = self._time_ns(first)
         landed, following = self._last(t_ns), self._footholds.next_after(t_ns, self._left)
@@ -90,7 +103,7 @@ class WearersLeg:
         off_ns = None if following is None else following.t_land_ns - round(1e9 * swing_s(stride_s))
         if following is not None and off_ns is not None and t_ns >= off_ns:
             end = self._step_of(following.t_land_ns)
-            return self._swing(first, end, following, ankle_m, shank_rad, foot_pitch_rad)
+            return self._swing(first, end, following, ankle_m, shank_rad, landing_rad)
         end = first + _LONGEST_STEPS if off_ns is None else min(self._step_of(off_ns), first + _LONGEST_STEPS)
         return self._stance(first, max(end, first + 1), landed, off_ns)
 
@@ -127,13 +140,13 @@ class WearersLeg:
         foothold: Foothold,
         ankle_m: tuple[float, float],
         shank_rad: float,
-        foot_pitch_rad: float,
+        landing_rad: float,
     ) -> Piece:
         end = max(end, first + 2)
         share = np.arange(1, end - first + 1) / (end - first)
         lands_rad = float(self.shank_rad(np.array([foothold.t_land_ns]), foothold)[0])
         shank = shank_rad + (lands_rad - shank_rad) * gone_of(np.minimum(share / 0.75, 1.0))
-        x, z = self._way(share, ankle_m, foothold, foot_pitch_rad - lands_rad)
+        x, z = self._way(share, ankle_m, foothold, landing_rad - shank)
         return Piece(
             first,
             end,
@@ -149,26 +162,43 @@ class WearersLeg:
         )
 
     def _way(
-        self, share: FloatArray, from_m: tuple[float, float], foothold: Foothold, pitch_rad: float
+        self, share: FloatArray, from_m: tuple[float, float], foothold: Foothold, pitch_rad: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the way of the ankle: as low as heel and toe allow, first up and then ahead, or first ahead.
 
-        It ends where the foot, pitched by `pitch_rad`, presses on the ground.
+        It ends where the foot, pitched by `pitch_rad` (n,) on its way, presses on the ground.
         """
-        x1, z1 = self._landing_ankle(foothold, pitch_rad)
-        rise_m = z1 - from_m[1]
-        early = min(max(rise_m / 0.10, -1.0), 1.0)
-        ahead = gone_of(np.clip((share - 0.15 * max(early, 0.0)) / (1.0 - 0.15 * abs(early)), 0.0, 1.0))
-        up = gone_of(np.clip((share - 0.45 * max(-early, 0.0)) / (1.0 - 0.45 * abs(early)), 0.0, 1.0))
-        x, z = from_m[0] + (x1 - from_m[0]) * ahead, from_m[1] + rise_m * up
+        to_m = self._landing_ankle(foothold, float(pitch_rad[-1]))
+        ways = [self._lifted(share, from_m, to_m, pitch_rad, late) for late in _LATENESSES]
+        x, z, _ = min(ways, key=lambda way: way[2])
+        return x, z
+
+    def _lifted(
+        self,
+        share: FloatArray,
+        from_m: tuple[float, float],
+        to_m: tuple[float, float],
+        pitch_rad: FloatArray,
+        late: float,
+    ) -> tuple[FloatArray, FloatArray, float]:
+        """Return a way that goes up first, or down last, by the share `late` of the swing, and how high its arc is."""
+        sooner = (share / (1.0 - late), (share - late) / (1.0 - late))
+        on, up = sooner[::-1] if to_m[1] > from_m[1] else sooner
+        on = (on - _FREED) / (1.0 - _FREED)
+        x = from_m[0] + (to_m[0] - from_m[0]) * gone_of(np.clip(on, 0.0, 1.0))
+        z = from_m[1] + (to_m[1] - from_m[1]) * gone_of(np.clip(up, 0.0, 1.0))
         arc = np.sin(np.pi * share) ** 2
-        inner = (share > 0.2) & (share < 0.9)
-        needed = np.max(
-            [[self._ground.height_m(px + dx) for px in x[inner]] for dx in (HEEL_M[0], 0.0, TOE_M[0])], axis=0
-        )
-        short = needed + ANKLE_ABOVE_M + _CLEARANCE_M - z[inner]
-        lift_m = float(np.max(short / arc[inner], initial=0.0))
-        return x, z + min(max(lift_m, 0.05), _MOST_LIFT_M) * arc
+        inner = (share > _LEAVING) & (share < _LANDING)
+        short = np.max([self._below(x[inner], z[inner], pitch_rad[inner], point) for point in (HEEL_M, TOE_M)], axis=0)
+        lift_m = min(max(float(np.max(short / arc[inner])), _LEAST_LIFT_M), _MOST_LIFT_M)
+        return x, z + lift_m * arc, lift_m
+
+    def _below(self, x: FloatArray, z: FloatArray, pitch_rad: FloatArray, point_m: tuple[float, float]) -> FloatArray:
+        """Return by how much (n,) a point of the foot is lower than it should be when the ankle is at (x, z)."""
+        (ahead_m, up_m), cos, sin = point_m, np.cos(pitch_rad), np.sin(pitch_rad)
+        ground_m = np.array([self._ground.height_m(each) for each in x + ahead_m * cos - up_m * sin])
+        below: FloatArray = ground_m + _CLEARANCE_M - (z + ahead_m * sin + up_m * cos)
+        return below
 
     def _landing_ankle(self, foothold: Foothold, pitch_rad: float) -> tuple[float, float]:
         """Return where the ankle is when a foot of that pitch touches the ground with the end that is lower, and this
@@ -182,7 +212,7 @@ class WearersLeg:
             z_m += sign * (ahead_m * sin + up_m * cos)
         return x_m, z_m - _PRESSED_M
 
-    def shank_rad(self, t_ns: FloatArray, foothold: Foothold | None) -> FloatArray:
+    def shank_rad(self, t_ns: IntArray, foothold: Foothold | None) -> FloatArray:
         """Return by how much the shank leans forward (n,) over a planned ankle, thigh and shank of one length."""
         line = self._hip(t_ns) - self.planned_ankle(foothold)
         distance = np.hypot(line[:, 0], line[:, 1])
@@ -192,7 +222,7 @@ class WearersLeg:
         lean: FloatArray = np.arctan2(line[:, 0], line[:, 1]) + bent
         return lean
 
-    def _load(self, t_ns: FloatArray, landed: Foothold | None, off_ns: int | None) -> FloatArray:
+    def _load(self, t_ns: IntArray, landed: Foothold | None, off_ns: int | None) -> FloatArray:
         """Return the share (n,) of the weight that the leg bears."""
         t = 1e-9 * (t_ns - self.start_ns)
         points = [(-10.0, 0.5), (-9.0, 0.5)]
@@ -221,14 +251,14 @@ class WearersLeg:
             landed = self._footholds.last_before(landed.t_land_ns - STEP_NS)
         return landed
 
-    def _hip(self, t_ns: FloatArray) -> FloatArray:
+    def _hip(self, t_ns: IntArray) -> FloatArray:
         """Return the hip joint's x and z (n, 2)."""
-        p_m = self._gait.at(np.asarray(t_ns, dtype=np.int64)).p_WB_m
+        p_m = self._gait.at(t_ns).p_WB_m
         hip: FloatArray = p_m[:, (0, 2)] - (HIP_BEHIND_M, HIP_BELOW_M)
         return hip
 
-    def _times_ns(self, first: int, end: int) -> FloatArray:
-        times: FloatArray = self.start_ns + np.arange(first, end, dtype=np.int64) * STEP_NS
+    def _times_ns(self, first: int, end: int) -> IntArray:
+        times: IntArray = self.start_ns + np.arange(first, end, dtype=np.int64) * STEP_NS
         return times
 
     def _time_ns(self, step: int) -> int:

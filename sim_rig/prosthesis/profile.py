@@ -51,6 +51,13 @@ class Profile:
         """Return the slope of the ground at `x_m`, > 0 where it rises along x."""
         return math.atan(self._at(x_m % self._length_m).gradient)
 
+    def walls_m(self, x_m: float) -> tuple[float, float]:
+        """Return between which faces that rise from the ground at `x_m` a foot must stand; without one, infinite."""
+        lap_m = x_m - x_m % self._length_m
+        piece = self._at(x_m - lap_m)
+        behind_m = lap_m + piece.x0_m if piece.above_before_m < -_WALL_M else -math.inf
+        return behind_m, lap_m + piece.x1_m if piece.above_behind_m < -_WALL_M else math.inf
+
     def met(self, x_m: float, z_m: float) -> Met | None:
         """Return how the point (x, z) lies in the ground, or None where it is above it."""
         x_m %= self._length_m
@@ -74,9 +81,9 @@ def _pieces(world: World) -> list[_Piece]:
     start_m = world.lap[0].x0_m
     stood = [piece for piece in world.lap if not piece.is_riser]
     begins = [start_m]
-    for before, after in pairwise(world.lap):
-        if not after.is_riser:
-            begins.append(before.lip_x_m if before.is_riser else after.x0_m)
+    for earlier, later in pairwise(world.lap):
+        if not later.is_riser:
+            begins.append(earlier.lip_x_m if earlier.is_riser else later.x0_m)
     ends = [*begins[1:], start_m + world.length_m]
     heights = [
         (piece.height_at(begin), piece.height_at(end)) for piece, begin, end in zip(stood, begins, ends, strict=True)
@@ -86,3 +93,6 @@ def _pieces(world: World) -> list[_Piece]:
         (z0, z1), before, behind = heights[k], heights[k - 1][1], heights[(k + 1) % len(heights)][0]
         found.append(_Piece(begin, end, z0, math.tan(piece.slope_rad), z0 - before, z1 - behind))
     return found
+
+
+_WALL_M = 0.02

@@ -1,17 +1,16 @@
 """A virtual prosthesis: an impedance-controlled ankle whose foot walks over the rig's ground. Simulated time alone.
 
-In stance the drive makes τ = K (θ_eq − θ) − B θ̇ with the impedance over stance that its controller gave at contact;
-θ > 0 is dorsiflexion, by how much the shank leans forward over the foot. In swing it leads the foot to the angle with
-which it is to land.
+In stance the drive makes τ = K (θ_eq − θ) − B θ̇ with the impedance that its controls give; θ > 0 is dorsiflexion, by
+how much the shank leans forward over the foot. In swing it leads the foot to the angle with which it is to land.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final, Protocol
 
 import numpy as np
 
+from impedance.modulation.curve import Impedance
 from messages import AnkleState, GaitPhase, Side, UserError
 from sim_rig.prosthesis.foot import STEP_NS, Foot
 from sim_rig.prosthesis.leg import STANCE_NS_PER_M, SWING_N_PER_M, SWING_NS_PER_M, Piece, WearersLeg
@@ -27,32 +26,27 @@ MOST_NM_PER_KG: Final = 2.5
 """The drive's torque ends there."""
 
 
-class Impedance(NamedTuple):
-    """What the drive imitates: a spring about an equilibrium angle, beside a damper."""
-
-    equilibrium_rad: float
-    stiffness_nm_per_rad: float
-    damping_nms_per_rad: float
-
-    def torque_nm(self, angle_rad: float, rate_radps: float) -> float:
-        """Return the torque at an angle and its rate, > 0 where it dorsiflexes."""
-        return self.stiffness_nm_per_rad * (self.equilibrium_rad - angle_rad) - self.damping_nms_per_rad * rate_radps
+CONTROL_NS: Final = 2_000_000
+"""The drive is given another impedance so often."""
 
 
-OverStance = Callable[[float], Impedance]
-"""From the share of stance that is over, 0 to 1, to the impedance."""
+class Controls(Protocol):
+    """What decides the impedance of the drive."""
+
+    def impedance(self, t_ns: int, phase: GaitPhase, share: float) -> Impedance:
+        """Return it at `t_ns`, when the foot is in `phase` and `share` of its stance, 0 to 1, is over."""
 
 
 @dataclass
 class Stance:
-    """One time that the foot stood, and what it felt: where, from when to when.
+    """One time that the foot stood, from when to when, and what it felt.
 
-    `pitch_rad` and `sole_m` are the foot's pitch and x of the middle of its sole when heel and ball first bore and when
-    they last did.
+    It was put with the middle of its sole at `put_m` (x); `flat_pitch_rad` and `flat_sole_m` are pitch and x of that
+    middle at each step in which heel and ball bore.
     """
 
     foothold: Foothold | None
-    over_stance: OverStance
+    put_m: float
     landed_ns: int
     left_ns: int | None = None
     most_stop_nm: float = 0.0
@@ -64,9 +58,7 @@ class Stance:
 class VirtualProsthesis:
     """The prosthesis of `side` on a wearer of `mass_kg` who walks `scenario`; `seed` draws its sensors' errors.
 
-    `at_contact` is asked for the impedance of each stance, with the instant and the foothold (None before the first
-    step), which only a judge that may know the truth looks at. Raises UserError for walks that leave the plane of
-    walking: turns, a course at an angle, a ride, bumps.
+    Raises UserError for walks that leave the plane of walking: turns, a course at an angle, a ride, bumps.
     """
 
     def __init__(
@@ -74,7 +66,7 @@ class VirtualProsthesis:
         scenario: Scenario,
         gait: Gait,
         footholds: Footholds,
-        at_contact: Callable[[int, Foothold | None], OverStance],
+        controls: Controls,
         *,
         side: Side,
         mass_kg: float,
@@ -83,7 +75,7 @@ class VirtualProsthesis:
         _check_straight(scenario, gait)
         self.ground = Profile(scenario.world)
         self.mass_kg = mass_kg
-        self._at_contact = at_contact
+        self._controls = controls
         self._leg = WearersLeg(gait, footholds, self.ground, mass_kg, left=side is Side.LEFT)
         self._chance = np.random.default_rng([seed, 40])
         self._angle_off_rad, self._load_gain = (float(e) for e in self._chance.normal((0.0, 1.0), (0.003, 0.02)))
@@ -92,10 +84,12 @@ class VirtualProsthesis:
         self._step = -_SETTLING_STEPS
         self._piece: Piece | None = None
         self._shank_rad = self._shank_radps = 0.0
-        self._stood_s = _USUAL_STANCE_S
+        self._usual_s = _USUAL_STANCE_S
+        self.acted_share = 0.0
+        self.impedance = controls.impedance(gait.start_ns, GaitPhase.STANCE, 0.0)
         self.torque_nm = 0.0
         self.phase = GaitPhase.STANCE
-        self.stances = [Stance(None, at_contact(gait.start_ns, None), gait.start_ns)]
+        self.stances = [Stance(None, x_m, gait.start_ns)]
         self.stumbles_ns: list[int] = []
         self.advance_to(gait.start_ns)
 
@@ -123,7 +117,11 @@ class VirtualProsthesis:
     @property
     def stance_share(self) -> float:
         """Return how much of this stance is over, 0 to 1, if it lasts as long as the one before."""
-        return min(1e-9 * (self.t_ns - self.stances[-1].landed_ns) / self._stood_s, 1.0)
+        return min(1e-9 * self._stood_ns / self._usual_s, 1.0)
+
+    @property
+    def _stood_ns(self) -> int:
+        return self.t_ns - self.stances[-1].landed_ns
 
     def advance_to(self, t_ns: int) -> None:
         """Go on to `t_ns`."""
@@ -148,6 +146,9 @@ class VirtualProsthesis:
             piece = self._piece = self._leg.piece(self._step, ankle_m, self._shank_rad, _LANDING_RAD)
         k = self._step - piece.first
         self._shank_rad, self._shank_radps = piece.shank_rad[k], piece.shank_radps[k]
+        if self._step % _CONTROL_STEPS == 0 and self._step >= 0:
+            self.acted_share = self.stance_share
+            self.impedance = self._controls.impedance(self.t_ns, self.phase, self.acted_share)
         self.torque_nm = self._drive_nm()
         self.foot.step(self.ground, self._leg_n(piece, k), self.torque_nm, self._shank_rad, self._shank_radps)
         self._step += 1
@@ -158,7 +159,7 @@ class VirtualProsthesis:
         stance = self.stances[-1]
         if self.phase is GaitPhase.SWING:
             return _SWING.torque_nm(self.angle_rad, self.rate_radps)
-        wanted_nm = stance.over_stance(self.stance_share).torque_nm(self.angle_rad, self.rate_radps)
+        wanted_nm = self.impedance.torque_nm(self.angle_rad, self.rate_radps)
         most_nm = MOST_NM_PER_KG * self.mass_kg
         stance.saturated |= abs(wanted_nm) > most_nm
         return min(max(wanted_nm, -most_nm), most_nm)
@@ -178,27 +179,33 @@ class VirtualProsthesis:
         load_n, stance = self.load_n, self.stances[-1]
         if self.phase is GaitPhase.SWING and load_n > BEARS_N:
             if piece.swings and piece.share[k] < _LANDING_SHARE:
-                if piece.share[k] > _LEAVING_SHARE:
-                    self.stumbles_ns.append(self.t_ns)
+                self._note_stumble(piece.share[k])
                 return
             self.phase = GaitPhase.STANCE
-            self.stances.append(Stance(piece.foothold, self._at_contact(self.t_ns, piece.foothold), self.t_ns))
-        elif self.phase is GaitPhase.STANCE and load_n < 0.5 * BEARS_N and piece.swings:
+            put_m = self.foot.sole_m if piece.foothold is None else self._leg.put_m(piece.foothold)[0]
+            self.stances.append(Stance(piece.foothold, put_m, self.t_ns))
+        elif self.phase is GaitPhase.STANCE and load_n < 0.5 * BEARS_N and self._stood_ns > _LEAST_STANCE_NS:
             self.phase = GaitPhase.SWING
             stance.left_ns = self.t_ns
-            self._stood_s = min(1e-9 * (self.t_ns - stance.landed_ns), _LONGEST_STANCE_S)
+            self._usual_s = min(1e-9 * self._stood_ns, _LONGEST_STANCE_S)
         if self.phase is GaitPhase.STANCE:
             stance.most_stop_nm = max(stance.most_stop_nm, abs(self.foot.stop_nm))
             if self.foot.is_flat:
                 stance.flat_pitch_rad.append(self.foot.pitch_rad)
                 stance.flat_sole_m.append(self.foot.sole_m)
 
+    def _note_stumble(self, share: float) -> None:
+        """Count what a foot hits in the middle of a swing, once a swing."""
+        left_ns = self.stances[-1].left_ns or 0
+        if share > _LEAVING_SHARE and (not self.stumbles_ns or self.stumbles_ns[-1] < left_ns):
+            self.stumbles_ns.append(self.t_ns)
+
 
 def _check_straight(scenario: Scenario, gait: Gait) -> None:
     headings = gait.course(np.arange(0.0, gait.lap_s, 0.05)).heading_rad
     if scenario.ride is not None or float(np.abs(headings).max()) > 0.0:
         raise UserError(
-            f"prosthesis: scenario '{scenario.name}' turns or rides; it needs a walk straight on, such as mixed or ramps"
+            f"prosthesis: scenario '{scenario.name}' turns or rides; it walks straight on alone, as in mixed or ramps"
         )
 
 
@@ -206,5 +213,7 @@ _LANDING_RAD = 0.03
 _SWING = Impedance(_LANDING_RAD, 60.0, 2.5)
 _LEAVING_SHARE, _LANDING_SHARE = 0.15, 0.85
 _SETTLING_STEPS = 1000
+_CONTROL_STEPS = CONTROL_NS // STEP_NS
+_LEAST_STANCE_NS = 100_000_000  # a heel that bounces has not left
 _USUAL_STANCE_S, _LONGEST_STANCE_S = 0.7, 1.2
 _ANGLE_NOISE_RAD, _RATE_NOISE_RADPS, _LOAD_NOISE_N = 0.0005, 0.02, 3.0
