@@ -18,6 +18,7 @@ FOOT_NOISE_RAD: Final = math.radians(0.3)
 """One standard deviation of a foot's inertial inclination: of the unit, and of each stance."""
 
 _STAIR_BEHIND_M = 0.5
+_STANDING = 2  # the first stance is that of a wearer who stands, which tells of posture
 _SLOPED = (TerrainKind.LEVEL, TerrainKind.RAMP_UP, TerrainKind.RAMP_DOWN)
 
 
@@ -99,7 +100,7 @@ class InertialSlope:
         stances = [] if self._prosthesis is None else self._prosthesis.stances
         if len(stances) > self._known:
             self._known = len(stances)
-            flat_rad = stances[-2].flat_pitch_rad if len(stances) > 1 else []
+            flat_rad = stances[-2].flat_pitch_rad if len(stances) > _STANDING else []
             if flat_rad:
                 noise_rad = FOOT_NOISE_RAD * float(self._chance.standard_normal())
                 slope_rad = float(np.median(flat_rad)) + self._bias_rad + noise_rad

@@ -41,7 +41,9 @@ class SetpointControls:
 
     def __init__(self, mass_kg: float, t_ns: int) -> None:
         self.refused: Counter[Refusal] = Counter()
-        self.heard = self.contacts = self.followed = 0
+        self.heard = 0
+        self.contacts: list[tuple[int, bool]] = []
+        """When the foot landed, and whether a set-point was held from then on."""
         self._receiver = SetpointReceiver(accept_simulated=True)
         self._follower = Follower(Limits(published().level(mass_kg)), t_ns)
         self._phase = GaitPhase.STANCE
@@ -62,8 +64,7 @@ class SetpointControls:
         """Return what to act with."""
         impedance = self._follower.step(t_ns, phase, share)
         if phase is GaitPhase.STANCE and self._phase is not GaitPhase.STANCE:
-            self.contacts += 1
-            self.followed += self._follower.state is Trust.HOLD
+            self.contacts.append((t_ns, self._follower.state is Trust.HOLD))
         self._phase = phase
         return impedance
 
@@ -95,11 +96,12 @@ class ProsthesisNode:
         self._heard.put(frame, t_ns)
 
     def advance_to(self, t_ns: int) -> Iterator[CanFrame]:
-        """Go on to `t_ns`; yield the frames that reach the bus meanwhile."""
+        """Go on to `t_ns`; yield the frames that reach the bus meanwhile. A state that is late is not told."""
         while self._next_state_ns <= t_ns:
             self._walk_to(self._next_state_ns)
-            self._told.put(self._encoder.ankle(self.prosthesis.state()), self._next_state_ns)
-            self._states += 1
+            if t_ns - self._next_state_ns < STATE_NS:
+                self._told.put(self._encoder.ankle(self.prosthesis.state()), self._next_state_ns)
+                self._states += 1
             self._next_state_ns += STATE_NS
         self._walk_to(t_ns)
         for frame in self._babbler.due(t_ns):
@@ -118,8 +120,8 @@ class ProsthesisNode:
         """Return what was done so far."""
         controls = self.controls
         return NodeFacts(
-            contacts=controls.contacts,
-            followed=controls.followed,
+            contacts=len(controls.contacts),
+            followed=sum(followed for _, followed in controls.contacts),
             set_points=controls.heard,
             refused=dict(controls.refused),
             states=self._states,
