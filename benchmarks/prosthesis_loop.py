@@ -13,6 +13,7 @@ finished trial; those there are not walked again. Seeds below 1000 are for tunin
 import argparse
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -49,19 +50,12 @@ def report(trials: Sequence[LoopTrial]) -> None:
     print(f"set-points heard {sum(trial.heard for trial in trials)}, refused", {k.value: n for k, n in refused.items()})
     states, bad = sum(trial.ankle_states for trial in trials), sum(trial.ankle_refused for trial in trials)
     print(f"ankle's states taken by the service {states}, refused {bad}")
-    where: dict[str, Callable[[JudgedStep], bool]] = {
-        "first two steps after a change": lambda step: step.is_new,
-        "elsewhere": lambda step: not step.is_new,
-    }
     print(f"{'torque error, Nm/kg, RMS over stance':40}{'steps':>7}{'eyes':>8}{'foot':>8}{'less by':>9}")
-    for name, chosen in where.items():
-        _row(name, trials, chosen)
+    _row("first two steps after a change", trials, _is_new)
+    _row("elsewhere", trials, _is_old)
     for kind in ("ramp", "level", "stairs"):
-        _row(f"  new {kind}", trials, lambda step, kind=kind: step.is_new and step.kind == kind)
-        _row(f"  first on {kind}", trials, lambda step, kind=kind: step.since_change == 1 and step.kind == kind)
-    shares = [
-        1.0 - _mean(t.eyes, where["first two steps after a change"]) / _mean(t.foot, lambda s: s.is_new) for t in trials
-    ]
+        _row(f"  new {kind}", trials, partial(_is_new_on, kind))
+    shares = [1.0 - _mean(trial.eyes, _is_new) / _mean(trial.foot, _is_new) for trial in trials]
     print(f"less by, unit for unit: {np.min(shares):.0%} to {np.max(shares):.0%}")
     for name in ("eyes", "foot", "truth"):
         steps = [step for trial in trials for step in getattr(trial, name)]
@@ -77,16 +71,29 @@ def report_covered(trials: Sequence[CoveredTrial]) -> None:
     last = [max((since_s for since_s, followed in trial.after if followed), default=0.0) for trial in trials]
     contacts = sum(len(trial.after) for trial in trials)
     print(
-        f"camera covered on a ramp: {len(trials)} units, {sum(trial.before for trial in trials)} contacts on set-points "
-        f"before, {contacts} contacts after; the last on a set-point came {max(last):.2f} s after, {len(late)} later "
+        f"camera covered on a ramp: {len(trials)} units, {sum(trial.before for trial in trials)} contacts on set-points"
+        f" before, {contacts} contacts after; the last on a set-point came {max(last):.2f} s after, {len(late)} later "
         f"than a step of {ONE_STEP_S} s"
     )
 
 
 def _row(name: str, trials: Sequence[LoopTrial], chosen: Callable[[JudgedStep], bool]) -> None:
-    eyes, foot = (_mean([s for t in trials for s in of(t)], chosen) for of in (lambda t: t.eyes, lambda t: t.foot))
+    eyes = _mean([step for trial in trials for step in trial.eyes], chosen)
+    foot = _mean([step for trial in trials for step in trial.foot], chosen)
     count = sum(chosen(step) for trial in trials for step in trial.eyes)
     print(f"{name:40}{count:7}{eyes:8.3f}{foot:8.3f}{1.0 - eyes / foot if foot else float('nan'):9.0%}")
+
+
+def _is_new(step: JudgedStep) -> bool:
+    return step.is_new
+
+
+def _is_old(step: JudgedStep) -> bool:
+    return not step.is_new
+
+
+def _is_new_on(kind: str, step: JudgedStep) -> bool:
+    return step.is_new and step.kind == kind
 
 
 def _mean(steps: Sequence[JudgedStep], chosen: Callable[[JudgedStep], bool]) -> float:
@@ -110,8 +117,8 @@ def main() -> None:
     known = [msgspec.json.decode(line, type=Done) for line in lines]
     done = {each.key: each for each in known if each.faults == faults and first <= each.key[1] <= last}
     for seed in range(first, last + 1):
-        for name in {"loop", "covered"} - {options.without}:
-            if (name, seed) in done:
+        for name in ("loop", "covered"):
+            if name == options.without or (name, seed) in done:
                 continue
             if name == "loop":
                 found = Done(faults=faults, loop=loop_trial(seed, faults))

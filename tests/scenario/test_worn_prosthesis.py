@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -15,7 +16,7 @@ pytestmark = pytest.mark.realtime
 GROUP = "239.74.163.79"
 
 
-def demo(folder: Path, *more: str) -> tuple[int, str, dict[str, object]]:
+def demo(folder: Path, *more: str) -> tuple[int, str, dict[str, Any]]:
     """Return the exit code of a demo of some seconds on a bus of its own, what was printed and its facts."""
     file, zenoh = folder / "facts.json", f"{SOCKET}{folder / 'z.sock'}"
     command = ["demo", "--prosthesis", "--seconds", "9", "--zenoh", zenoh, "--can", f"udp_multicast:{GROUP}"]
