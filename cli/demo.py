@@ -78,6 +78,7 @@ def demo(
     from lab.evaluation.truth_observer import TruthObserver
     from messages import TOPICS, DropCause, Source, UserError
     from sim_rig.can.slcan_hub import open_hub
+    from sim_rig.prosthesis.bus_faults import parse_faults
     from sim_rig.walk.scenario import Pace
     from sim_rig.walk.scenario import scenario as scenario_named
     from sim_rig.wearer import SimulatedWearer
@@ -85,6 +86,12 @@ def demo(
     check_writable(json)
     check_recording(record, last, outputs_only)
     configuration = Configuration(device="demo") if config is None else load_configuration(config)
+    walk = scenario_named(scenario, Pace(speed_mps=speed, step_hz=cadence))
+    faults = parse_faults(bus_faults)
+    if prosthesis:
+        configuration = with_set_points(configuration)
+    elif bus_faults:
+        raise UserError("--bus-faults are those of a prosthesis's bus: add --prosthesis")
     hub = None
     if can is not None:
         configuration = msgspec.structs.replace(configuration, can=parse_can(can))
@@ -93,19 +100,13 @@ def demo(
         configuration = msgspec.structs.replace(configuration, can=hub.settings)
     if zenoh is not None:
         configuration = msgspec.structs.replace(configuration, zenoh=ZenohSettings(listen=zenoh))
-    walk = scenario_named(scenario, Pace(speed_mps=speed, step_hz=cadence))
-    if bus_faults and not prosthesis:
-        raise UserError("--bus-faults are those of a prosthesis's bus: add --prosthesis")
-    if prosthesis:
-        configuration = with_set_points(configuration)
-
     worn = worn_facts = None
     start_ns = time.monotonic_ns() + _LEAD_NS
     wearer = SimulatedWearer(seed, walk, start_ns, perfect_calibration)
     try:
         camera = wearer.camera()
         if prosthesis:
-            worn = put_on(configuration, seed, walk, start_ns, bus_faults)
+            worn = put_on(configuration, seed, walk, start_ns, faults)
         imu = Mpu6050(wearer.imu_bus, settings=Mpu6050Settings(), open_data_ready=wearer.data_ready.open)
         imu.open()
         outlets = open_outlets(configuration, wearer.calibration)

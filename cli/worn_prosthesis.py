@@ -4,7 +4,7 @@ import msgspec
 
 from cli.console import console, table
 from daemon.config import Configuration
-from sim_rig.prosthesis.bus_faults import parse_faults
+from sim_rig.prosthesis.bus_faults import BusFaults
 from sim_rig.prosthesis.node import NodeFacts
 from sim_rig.prosthesis.process import ProsthesisProcess, Worn
 from sim_rig.walk.scenario import Scenario
@@ -21,15 +21,15 @@ def with_set_points(configuration: Configuration) -> Configuration:
 
 
 def put_on(
-    configuration: Configuration, seed: int, scenario: Scenario, start_ns: int, bus_faults: str
+    configuration: Configuration, seed: int, scenario: Scenario, start_ns: int, faults: BusFaults
 ) -> ProsthesisProcess:
     """Return the prosthesis, which walks from `start_ns` on in a process of its own.
 
-    Raises UserError for faults, a walk or a bus that it cannot have.
+    Raises UserError for a walk or a bus that it cannot have.
     """
     mass_kg = configuration.setpoint.mass_kg or USUAL_MASS_KG
     worn = Worn(seed, scenario, start_ns, configuration.foothold.side, mass_kg)
-    return ProsthesisProcess(worn, configuration.can, parse_faults(bus_faults))
+    return ProsthesisProcess(worn, configuration.can, faults)
 
 
 def tell_prosthesis(facts: NodeFacts | None, states_heard: int) -> None:
