@@ -50,9 +50,9 @@ class CoveredTrial(msgspec.Struct, kw_only=True):
 
 def loop_trial(seed: int, faults: BusFaults) -> LoopTrial:
     """Return what the unit of `seed` did with these faults of its bus."""
-    walk, fitted = loop_walk(seed), _fitted(seed)
+    walk, fitted = loop_walk(seed), fitted_unit(seed)
     until_ns = START_NS + round(1e9 * walk.seconds)
-    loop = Loop(fitted, faults, _pipeline(fitted))
+    loop = new_loop(fitted, faults)
     loop.run(fitted.wearer.offline_inputs(walk.seconds))
     loop.judged.advance_to(until_ns)
     foot, truth = fitted.told_by_foot(), fitted.told_by_truth()
@@ -77,12 +77,12 @@ def loop_trial(seed: int, faults: BusFaults) -> LoopTrial:
 
 def covered_trial(seed: int, faults: BusFaults) -> CoveredTrial:
     """Return what the unit of `seed` did when its camera was covered on the ramp up."""
-    walk, fitted = loop_walk(seed), _fitted(seed)
+    walk, fitted = loop_walk(seed), fitted_unit(seed)
     at_m = walk.ramp_m[0] + ON_RAMP_SHARE * (walk.ramp_m[1] - walk.ramp_m[0])
     t_s = np.arange(0.0, walk.seconds, 0.05)
     cover_s = float(t_s[np.searchsorted(fitted.wearer.gait.course(t_s).xy_m[:, 0], at_m)])
     cover_ns = START_NS + round(1e9 * cover_s)
-    loop = Loop(fitted, faults, _pipeline(fitted))
+    loop = new_loop(fitted, faults)
     loop.run(fitted.wearer.offline_inputs(cover_s + AFTER_COVER_S, Covered(fitted.wearer, cover_ns)))
     contacts = [(1e-9 * (t_ns - cover_ns), followed) for t_ns, followed in loop.node.controls.contacts]
     return CoveredTrial(
@@ -92,16 +92,19 @@ def covered_trial(seed: int, faults: BusFaults) -> CoveredTrial:
     )
 
 
-def _fitted(seed: int) -> Fitted:
+def fitted_unit(seed: int) -> Fitted:
+    """Return the unit of `seed` on its walk, its person's mass and the prosthesis's side."""
     chance = np.random.default_rng([seed, 44])
     wearer = SimulatedWearer(seed, loop_walk(seed).scenario, START_NS)
     side = Side.RIGHT if chance.random() < _RIGHT_SHARE else Side.LEFT
     return Fitted(wearer, seed, float(chance.uniform(*_MASSES_KG)), side)
 
 
-def _pipeline(fitted: Fitted) -> Pipeline:
+def new_loop(fitted: Fitted, faults: BusFaults) -> Loop:
+    """Return the loop of a unit, its pipeline new."""
     setpoints = Modulator(published(), fitted.mass_kg)
-    return Pipeline(fitted.wearer.calibration, FootholdSettings(side=fitted.side), setpoints=setpoints)
+    pipeline = Pipeline(fitted.wearer.calibration, FootholdSettings(side=fitted.side), setpoints=setpoints)
+    return Loop(fitted, faults, pipeline)
 
 
 _MASSES_KG = (55.0, 100.0)
