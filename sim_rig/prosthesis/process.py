@@ -1,6 +1,7 @@
 """The virtual prosthesis as a process of its own on a CAN bus, in real time."""
 
 import contextlib
+import logging
 import multiprocessing
 import time
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ import can
 
 from drivers.can.bus import close_bus, discard_input, open_bus
 from drivers.can.settings import CanInterface, CanSettings
+from drivers.protocols import DeviceError
 from messages import Side, UserError
 from messages.can_frames import CanFrame, CanMessage, can_id
 from sim_rig.children import without_interrupt
@@ -18,6 +20,8 @@ from sim_rig.prosthesis.node import NodeFacts, ProsthesisNode, SetpointControls
 from sim_rig.prosthesis.prosthesis import VirtualProsthesis
 from sim_rig.walk.footholds import Footholds
 from sim_rig.walk.scenario import Scenario
+
+log = logging.getLogger("gaiteyes")
 
 PERIOD_NS = 2_000_000
 """The process goes on with the walk, and looks at the bus, each time this much has passed."""
@@ -84,7 +88,11 @@ class ProsthesisProcess:
 
 def _walk(pipe: Connection, worn: Worn, settings: CanSettings, faults: BusFaults) -> None:
     node = worn.node(faults)
-    bus, send = open_bus(settings, _HEARD)
+    try:
+        bus, send = open_bus(settings, _HEARD)
+    except DeviceError as error:
+        log.error("prosthesis: %s", error)
+        return
     due_ns = time.monotonic_ns()
     try:
         while not pipe.poll():

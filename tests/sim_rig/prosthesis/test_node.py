@@ -21,6 +21,7 @@ from sim_rig.walk.world import WorldBuilder
 
 START_NS = 5_000_000_000
 CYCLE_NS = 50_000_000
+SEEN_NS = 30_000_000
 MASS_KG = 80.0
 UPHILL_RAD = 0.1
 STANDING = Scenario("stand", "standing", WorldBuilder().level(4.0, "wood").build(), (Stand(5.0),))
@@ -32,10 +33,10 @@ def five(numbers: Sequence[float]) -> Points:
 
 
 def told(t_ns: int, seq: int, encoder: CanEncoder, slope_rad: float = UPHILL_RAD) -> list[CanFrame]:
-    """Return the frames of a set-point for a slope, seen 60 ms before `t_ns`."""
+    """Return the frames of a set-point for a slope, seen SEEN_NS before `t_ns`."""
     curve, deviations = published().at(slope_rad, 0.005, MASS_KG)
     setpoint = Setpoint(
-        t_exposure_ns=t_ns - 60_000_000,
+        t_exposure_ns=t_ns - SEEN_NS,
         frame_seq=seq,
         status=Status.VALID,
         reason=Reason.NONE,
@@ -52,16 +53,32 @@ def told(t_ns: int, seq: int, encoder: CanEncoder, slope_rad: float = UPHILL_RAD
         table_id="00000000",
         calibration_id="00000000",
     )
-    stamp = Stamp(device="d", boot_id="b", source=Source.SIMULATED, seq=seq, t_publish_ns=t_ns, age_s=0.06)
-    return list(encoder.setpoint(setpoint, stamp, 0.06))
+    stamp = Stamp(device="d", boot_id="b", source=Source.SIMULATED, seq=seq, t_publish_ns=t_ns, age_s=1e-9 * SEEN_NS)
+    return list(encoder.setpoint(setpoint, stamp, 1e-9 * SEEN_NS))
 
 
-def controls_after(updates: int, damaged: frozenset[int] = frozenset()) -> tuple[SetpointControls, int]:
+def refusal(t_ns: int, seq: int, encoder: CanEncoder) -> tuple[CanFrame, ...]:
+    """Return the frames that say that there is no set-point."""
+    setpoint = Setpoint.invalid(
+        t_exposure_ns=t_ns - SEEN_NS,
+        frame_seq=seq,
+        reason=Reason.LOW_TEXTURE,
+        phase=GaitPhase.SWING,
+        table_id="00000000",
+        calibration_id="00000000",
+    )
+    stamp = Stamp(device="d", boot_id="b", source=Source.SIMULATED, seq=seq, t_publish_ns=t_ns, age_s=1e-9 * SEEN_NS)
+    return encoder.setpoint(setpoint, stamp, 1e-9 * SEEN_NS)
+
+
+def controls_after(
+    updates: int, damaged: frozenset[int] = frozenset(), *, refused_at_last: bool = False
+) -> tuple[SetpointControls, int]:
     """Return the controls of a foot in swing after so many updates, and the time; bits of some frames are flipped."""
     controls, encoder, t_ns, sent = SetpointControls(MASS_KG, START_NS), CanEncoder(), START_NS, 0
-    for seq in range(updates):
+    for seq in range(updates + refused_at_last):
         t_ns += CYCLE_NS
-        for frame in told(t_ns, seq, encoder):
+        for frame in told(t_ns, seq, encoder) if seq < updates else refusal(t_ns, seq, encoder):
             data = bytearray(frame.data)
             data[4] ^= 1 if sent in damaged else 0
             controls.hear(Arrived(t_ns + 1_000 * (sent % 6), CanFrame(frame.can_id, bytes(data))))
@@ -101,6 +118,13 @@ def test_a_flipped_bit_is_refused_and_the_update_before_stands_in() -> None:
     assert controls.refused[Refusal.WRONG_CRC] == 1
     lands(controls, t_ns + 60_000_000)
     assert controls.contacts[-1][1] is True
+
+
+def test_eyes_that_say_that_they_know_nothing_end_what_they_said_before() -> None:
+    controls, t_ns = controls_after(12, refused_at_last=True)
+    lands(controls, t_ns + CYCLE_NS)
+    assert controls.refused[Refusal.NOT_VALID] > 0
+    assert controls.contacts == [(t_ns + CYCLE_NS, False)]
 
 
 def node(faults: BusFaults) -> ProsthesisNode:
