@@ -35,7 +35,9 @@ def demo(
     ] = False,
     prosthesis: Annotated[
         bool,
-        typer.Option(help="Let a virtual prosthesis follow the set-points on the same CAN bus and tell its state."),
+        typer.Option(
+            help="Let a virtual prosthesis on the same CAN bus follow what it is told, and answer with its state."
+        ),
     ] = False,
     bus_faults: Annotated[
         str, typer.Option(help="Faults of the prosthesis's bus, as loss=0.05,delay_s=0.02,babble_hz=500.")
