@@ -1,11 +1,11 @@
 """The foot of a prosthesis on the ground: three points with springs and dampers, an ankle with a torque, a leg's force.
 
 The foot moves in the plane of walking: its ankle at (x, z) of W, its pitch > 0 with the toes up. What moves with the
-ankle weighs `_MASS_KG`, the foot turns about it with `_INERTIA_KGM2` and the joint's own `_JOINT_NMS_PER_RAD`, in which
-the drive's inertia and its gear's friction are held. Each point meets
-the ground with a spring and Hunt and Crossley's damper along the normal (IEEE Trans. Automatic Control 20, 1975:
-the force is k d (1 + c ḋ), never a pull) and with Coulomb's friction through a spring that slips (Cundall and Strack,
-Géotechnique 29, 1979). Steps of `STEP_S`, velocities before places (semi-implicit Euler).
+ankle weighs `_MASS_KG`, the foot turns about it with `_INERTIA_KGM2`, which holds the drive's, against the gear's
+`_JOINT_NMS_PER_RAD`. Each point meets the ground with a spring and Hunt and Crossley's damper along the normal (ASME
+Journal of Applied Mechanics 42, 1975: the force is k d (1 + c ḋ), never a pull) and with Coulomb's friction through a
+spring that slips (Cundall and Strack, Géotechnique 29, 1979). Steps of `STEP_S`, velocities before places
+(semi-implicit Euler).
 """
 
 import math
