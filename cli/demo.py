@@ -33,6 +33,15 @@ def demo(
     perfect_calibration: Annotated[
         bool, typer.Option(help="Calibration without its usual errors; results say so.")
     ] = False,
+    prosthesis: Annotated[
+        bool,
+        typer.Option(
+            help="Let a virtual prosthesis on the same CAN bus follow what it is told, and answer with its state."
+        ),
+    ] = False,
+    bus_faults: Annotated[
+        str, typer.Option(help="Faults of the prosthesis's bus, as loss=0.05,delay_s=0.02,babble_hz=500.")
+    ] = "",
     json: JsonFile = None,
 ) -> None:
     """Let a simulated wearer walk, and judge the ground estimates.
@@ -60,6 +69,7 @@ def demo(
         summary_tables,
         tell_recording,
     )
+    from cli.worn_prosthesis import put_on, tell_prosthesis, with_set_points
     from daemon.config import Configuration, load_configuration
     from daemon.summary import Tally
     from drivers.can.settings import parse_can
@@ -68,8 +78,9 @@ def demo(
     from drivers.zenoh.settings import ZenohSettings
     from lab.evaluation.busy_host import Burden, ProcessorPressure
     from lab.evaluation.truth_observer import TruthObserver
-    from messages import TOPICS, DropCause, Source
+    from messages import TOPICS, DropCause, Source, UserError
     from sim_rig.can.slcan_hub import open_hub
+    from sim_rig.prosthesis.bus_faults import parse_faults
     from sim_rig.walk.scenario import Pace
     from sim_rig.walk.scenario import scenario as scenario_named
     from sim_rig.wearer import SimulatedWearer
@@ -77,6 +88,12 @@ def demo(
     check_writable(json)
     check_recording(record, last, outputs_only)
     configuration = Configuration(device="demo") if config is None else load_configuration(config)
+    walk = scenario_named(scenario, Pace(speed_mps=speed, step_hz=cadence))
+    faults = parse_faults(bus_faults)
+    if prosthesis:
+        configuration = with_set_points(configuration)
+    elif bus_faults:
+        raise UserError("--bus-faults are those of a prosthesis's bus: add --prosthesis")
     hub = None
     if can is not None:
         configuration = msgspec.structs.replace(configuration, can=parse_can(can))
@@ -85,12 +102,13 @@ def demo(
         configuration = msgspec.structs.replace(configuration, can=hub.settings)
     if zenoh is not None:
         configuration = msgspec.structs.replace(configuration, zenoh=ZenohSettings(listen=zenoh))
-    walk = scenario_named(scenario, Pace(speed_mps=speed, step_hz=cadence))
-
+    worn = worn_facts = None
     start_ns = time.monotonic_ns() + _LEAD_NS
     wearer = SimulatedWearer(seed, walk, start_ns, perfect_calibration)
     try:
         camera = wearer.camera()
+        if prosthesis:
+            worn = put_on(configuration, seed, walk, start_ns, faults)
         imu = Mpu6050(wearer.imu_bus, settings=Mpu6050Settings(), open_data_ready=wearer.data_ready.open)
         imu.open()
         outlets = open_outlets(configuration, wearer.calibration)
@@ -121,6 +139,8 @@ def demo(
             service.run(seconds, status=live.refresh)
         waiting = pressure.share()
     finally:
+        if worn is not None:
+            worn_facts = worn.close()
         wearer.close()
         if hub is not None:
             hub.close()
@@ -132,6 +152,8 @@ def demo(
     summary_tables(facts)
     label = "perfect calibration" if perfect_calibration else "calibration with its stated residual"
     show(score_table(f"Ground against truth: {walk.name}, unit {seed}, {label}", scores))
+    if worn is not None:
+        tell_prosthesis(worn_facts, facts.health.ankle_states if facts.health is not None else 0)
     if void:
         console.print(f"These figures are void, the host was too busy: {void}.", style="bold", soft_wrap=True)
     if json is not None:
@@ -143,6 +165,8 @@ def demo(
             "run": facts,
             "ground": scores,
         }
+        if worn_facts is not None:
+            run_facts["prosthesis"] = worn_facts
         write_json(json, run_facts)
     if recorder is not None and record is not None:
         tell_recording(recorder, record)

@@ -8,7 +8,7 @@ import contextlib
 import os
 import socket
 import termios
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import can
@@ -30,8 +30,10 @@ Send = Callable[[CanFrame], bool]
 """Takes a frame without waiting: True if taken, False if there is no room. Raises can.CanError or OSError."""
 
 
-def open_bus(settings: CanSettings) -> tuple[can.BusABC, Send]:
-    """Return the bus, which passes on frames of the ankle and error frames, and the way to send on it.
+def open_bus(settings: CanSettings, heard: Sequence[int] | None = None) -> tuple[can.BusABC, Send]:
+    """Return the bus, which passes on error frames and the `heard` identifiers, and the way to send on it.
+
+    Without them those of the ankle are heard.
 
     Raises DeviceError, in one line, if it cannot be opened or its link is down.
     """
@@ -46,6 +48,7 @@ def open_bus(settings: CanSettings) -> tuple[can.BusABC, Send]:
         },
         CanInterface.UDP_MULTICAST: {"hop_limit": 0, "fd": settings.fd},
     }
+    identifiers = (can_id(CanMessage.ANKLE_STATE),) if heard is None else heard
     if settings.interface is CanInterface.SOCKETCAN:
         _check_link_is_up(settings)
     try:
@@ -54,7 +57,7 @@ def open_bus(settings: CanSettings) -> tuple[can.BusABC, Send]:
             interface=settings.interface.value,
             config_context=None,
             ignore_config=True,
-            can_filters=[{"can_id": can_id(CanMessage.ANKLE_STATE), "can_mask": 0x7FF, "extended": False}],
+            can_filters=[{"can_id": each, "can_mask": 0x7FF, "extended": False} for each in identifiers],
             **options[settings.interface],
         )
     except (can.CanError, OSError, ValueError) as error:

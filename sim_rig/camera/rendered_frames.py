@@ -14,12 +14,10 @@ import contextlib
 import mmap
 import multiprocessing
 import os
-import signal
 import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import recv_handle, send_handle
 from typing import NamedTuple
@@ -32,6 +30,7 @@ from drivers.protocols import DeviceError
 from messages.arrays import GreyImage
 from sim_rig.camera.renderer import Effects, Renderer
 from sim_rig.camera.shutter import Shutter
+from sim_rig.children import without_interrupt
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import Gait
 from sim_rig.walk.scenario import Scenario
@@ -95,7 +94,7 @@ class RenderedFrames:
             name="gaiteyes-renderer",
             daemon=True,
         )
-        with _without_interrupt():
+        with without_interrupt():
             self._process.start()
         send_handle(self._pipe, memory_fd, self._process.pid)
         childs_end.close()
@@ -175,14 +174,3 @@ def _render_frames(pipe: Connection, scene: Scene, shutter: Shutter, slot_count:
 def _slots_of(memory: mmap.mmap) -> NDArray[np.uint8]:
     slots: NDArray[np.uint8] = np.ndarray((len(memory) // _PAIR_BYTES, 2, HEIGHT_PX, WIDTH_PX), np.uint8, buffer=memory)
     return slots
-
-
-@contextlib.contextmanager
-def _without_interrupt() -> Iterator[None]:
-    """Let a child that is started in here never see Ctrl-C: it ends when its parent says so."""
-    resource_tracker.ensure_running()  # it would unblock the signal if it were started inside
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

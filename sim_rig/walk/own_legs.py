@@ -14,7 +14,7 @@ from sim_rig.walk.footholds import Foothold
 from sim_rig.walk.gait import Motion
 from sim_rig.walk.things import Block, Placed, Walker, facing, pointing
 
-_HIP_BEHIND_M, _HIP_ASIDE_M, _HIP_BELOW_M = 0.06, 0.09, 0.07  # from the unit at the front of the belt
+HIP_BEHIND_M, HIP_ASIDE_M, HIP_BELOW_M = 0.06, 0.09, 0.07  # from the unit at the front of the belt
 _SWING_SHARE, _LONGEST_SWING_S = 0.38, 0.45  # of the time from one landing of a foot to its next
 _LIFT_M = 0.10
 _ANKLE_BEHIND_M, _ANKLE_ABOVE_M = 0.06, 0.09  # from the foot's middle on the ground
@@ -36,7 +36,7 @@ class OwnLegs:
         """Yield thigh, shin and foot of either side."""
         forward, leftward = facing(motion)
         for side in (1.0, -1.0):
-            hip = motion.p_WB_m - _HIP_BEHIND_M * forward + side * _HIP_ASIDE_M * leftward - (0.0, 0.0, _HIP_BELOW_M)
+            hip = motion.p_WB_m - HIP_BEHIND_M * forward + side * HIP_ASIDE_M * leftward - (0.0, 0.0, HIP_BELOW_M)
             sole, pitch_rad = _sole(walker, t_ns, hip, left=side > 0)
             R_foot = _tipped(forward, leftward, pitch_rad)
             yield Placed(_FOOT, R_foot, sole + 0.5 * _FOOT.size_m[2] * R_foot[:, :, 2])

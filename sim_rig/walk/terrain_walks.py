@@ -41,8 +41,8 @@ _BEYOND_M = 1.2  # walked beyond the change, by the hip
 _CLEAR_M = 6.5  # of level ground beyond the change: more than is in view
 _CLOSING_DEG = 10.0
 _PACE_CHANGE_S = 1.0  # see `legs`
-_GROUNDS = ("concrete", "paving", "gravel", "asphalt", "brick", "grass", "wood")
-_RISERS = ("kerbstone", "wood", "concrete")
+GROUNDS = ("concrete", "paving", "gravel", "asphalt", "brick", "grass", "wood")
+RISERS = ("kerbstone", "wood", "concrete")
 _MOST_COURSE_RAD = math.radians(35.0)
 _USUAL = Habits(step_scatter_s=0.015)
 _FOOT_FROM_LIP_M = 0.05
@@ -80,7 +80,7 @@ def terrain_walk(seed: int) -> TerrainWalk:
     speed_mps = float(chance.uniform(0.6, 1.5))
     pace = Pace(speed_mps, float((0.95 + 0.7 * speed_mps) * chance.uniform(0.94, 1.06)))
     stairs_hz = float(chance.uniform(1.2, 1.8))
-    plain, camera_m = str(chance.choice(_GROUNDS)), float(chance.uniform(0.8, 1.0))
+    plain, camera_m = str(chance.choice(GROUNDS)), float(chance.uniform(0.8, 1.0))
     run_up_m = float(chance.uniform(2.2, 3.2))
     scenario = Scenario(
         name=f"terrain-{seed}",
@@ -108,7 +108,7 @@ def terrain_walk(seed: int) -> TerrainWalk:
         if not change.tread_m or steps_on_every_tread(walk, seed):
             break
     dimensions = change.dimensions | {"course_rad": course_rad, "speed_mps": speed_mps, "camera_m": camera_m}
-    seconds = min(max(_passes_s(walk, seed, end_m + _BEYOND_M), LEAST_S), _MOST_S)
+    seconds = min(max(passes_s(walk, seed, end_m + _BEYOND_M), LEAST_S), _MOST_S)
     return TerrainWalk(case, seed, seconds, dimensions, walk)
 
 
@@ -167,7 +167,7 @@ def _legs(
     )
 
 
-def _passes_s(walk: Scenario, seed: int, x_m: float) -> float:
+def passes_s(walk: Scenario, seed: int, x_m: float) -> float:
     """Return when the hip passes `x_m` of the first lap."""
     gait: Gait = walk.gait(seed, 0)
     t = np.arange(0.0, gait.lap_s, 0.05)
@@ -215,7 +215,7 @@ def _people(chance: np.random.Generator, case: str) -> tuple[Thing, ...]:
 def _flight(chance: np.random.Generator, sign: float) -> _Change:
     rise_m, tread_m = float(chance.uniform(0.12, 0.20)), float(chance.uniform(0.24, 0.36))
     nosing_m = float(chance.uniform(0.0, 0.025)) if chance.random() < 0.6 else 0.0
-    count, riser, tread = int(chance.integers(3, 7)), str(chance.choice(_RISERS)), str(chance.choice(_GROUNDS))
+    count, riser, tread = int(chance.integers(3, 7)), str(chance.choice(RISERS)), str(chance.choice(GROUNDS))
     landing_m = (
         int(chance.integers(3, 6)) * tread_m if chance.random() < 0.3 else 0.0
     )  # so that steps keep their length
@@ -233,7 +233,7 @@ def _flight(chance: np.random.Generator, sign: float) -> _Change:
 
 def _edge(chance: np.random.Generator, sign: float, low_m: float, most_nosing_m: float) -> _Change:
     rise_m, nosing_m = float(chance.uniform(low_m, 0.20)), float(chance.uniform(0.0, 1.0)) * most_nosing_m
-    face, beyond = str(chance.choice(_RISERS)), str(chance.choice(_GROUNDS))
+    face, beyond = str(chance.choice(RISERS)), str(chance.choice(GROUNDS))
 
     def lay(ground: WorldBuilder) -> None:
         ground.step(sign * rise_m, face, "kerb", nosing_m).level(2.0, beyond)
@@ -243,7 +243,7 @@ def _edge(chance: np.random.Generator, sign: float, low_m: float, most_nosing_m:
 
 def _ramp(chance: np.random.Generator, sign: float) -> _Change:
     slope_deg, length_m = float(chance.uniform(4.0, 12.0)), float(chance.uniform(1.5, 4.0))
-    surface = str(chance.choice(_GROUNDS))
+    surface = str(chance.choice(GROUNDS))
 
     def lay(ground: WorldBuilder) -> None:
         ground.ramp(length_m, sign * slope_deg, surface)
@@ -256,7 +256,7 @@ def _dropped_kerb(chance: np.random.Generator) -> _Change:
     sign = float(chance.choice((-1.0, 1.0)))
     height_m, length_m = float(chance.uniform(0.06, 0.15)), float(chance.uniform(0.6, 1.2))
     slope_deg = math.degrees(math.atan(height_m / length_m))
-    surface, beyond = str(chance.choice(_GROUNDS)), str(chance.choice(_GROUNDS))
+    surface, beyond = str(chance.choice(GROUNDS)), str(chance.choice(GROUNDS))
 
     def lay(ground: WorldBuilder) -> None:
         ground.ramp(length_m, sign * slope_deg, surface).level(1.0, beyond)
@@ -265,7 +265,7 @@ def _dropped_kerb(chance: np.random.Generator) -> _Change:
 
 
 def _plain(chance: np.random.Generator) -> _Change:
-    textures = [str(name) for name in chance.choice(_GROUNDS, 2)]
+    textures = [str(name) for name in chance.choice(GROUNDS, 2)]
 
     def lay(ground: WorldBuilder) -> None:
         for texture in textures:
