@@ -12,6 +12,13 @@ if TYPE_CHECKING:
     from discrepancy.explanation import Explanation as Explanation
     from discrepancy.finder import explain as explain
     from discrepancy.own_simulation import OwnSimulation as OwnSimulation
+    from discrepancy.ports.declared import Port as Port
+    from discrepancy.ports.declared import PortTerm as PortTerm
+    from discrepancy.ports.declared import Signal as Signal
+    from discrepancy.ports.declared import SignalTerm as SignalTerm
+    from discrepancy.ports.ode import Ode as Ode
+    from discrepancy.ports.ode import Whole as Whole
+    from discrepancy.ports.simulation import PortedSimulation as PortedSimulation
     from discrepancy.report.output import write_report as write_report
     from discrepancy.report.wording import headline as headline
     from discrepancy.report.wording import quantity_text as quantity_text
@@ -102,6 +109,13 @@ _HOMES = {
     "explain": "discrepancy.finder",
     "Explanation": "discrepancy.explanation",
     "OwnSimulation": "discrepancy.own_simulation",
+    "PortedSimulation": "discrepancy.ports.simulation",
+    "Ode": "discrepancy.ports.ode",
+    "Whole": "discrepancy.ports.ode",
+    "Port": "discrepancy.ports.declared",
+    "Signal": "discrepancy.ports.declared",
+    "PortTerm": "discrepancy.ports.declared",
+    "SignalTerm": "discrepancy.ports.declared",
     "Channels": "discrepancy.simulation",
     "Effect": "discrepancy.simulation",
     "Parameter": "discrepancy.simulation",

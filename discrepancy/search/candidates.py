@@ -19,6 +19,10 @@ _ROUNDS = 2
 """Estimates of the noise: the first weighs all frequencies alike, the second by the first."""
 
 
+_Mark = tuple[str, tuple[tuple[str, float], ...]]
+"""An effect, and what it begins at."""
+
+
 @dataclass(frozen=True)
 class Candidate:
     """An effect with a choice of its parameters; `keys` as in `Values`.
@@ -59,35 +63,46 @@ def library(problem: Problem, values: dict[str, float], base_columns: FloatArray
     Samples that a column cannot give are taken out of the problem; a start at which the model diverges is no candidate.
     """
     before = problem.predicted(values)
-    columns: list[FloatArray] = list(base_columns)
+    tried = [(name, choice, begun) for name in names for choice, begun in _beginnings(problem.effects[name])]
+    starts = {_mark(name, begun): begun for name, _, begun in tried if begun}
+    there = dict(zip(starts, problem.predicted_many([{**values, **begun} for begun in starts.values()]), strict=True))
+    diverged = {mark for mark, each in there.items() if problem.lost(each) > MOST_LOST}
+    rows: dict[tuple[_Mark, str], int] = {}
+    offsets: dict[_Mark, int] = {}
+    differences: dict[int, FloatArray] = {}
+    asked: dict[int, tuple[dict[str, float], FloatArray, str]] = {}
     candidates: list[Candidate] = []
-    for name in names:
-        effect = problem.effects[name]
-        known: dict[tuple[tuple[str, float], ...], tuple[int | None, dict[str, int], FloatArray]] = {}
-        diverged: set[tuple[tuple[str, float], ...]] = set()
-        for choice, begun in _beginnings(effect):
-            mark = tuple(sorted(begun.items()))
-            if mark in diverged:
-                continue
-            if mark not in known:
-                known[mark] = (None, {}, before)
-                if begun:
-                    there = problem.predicted({**values, **begun})
-                    if problem.lost(there) > MOST_LOST:
-                        diverged.add(mark)
-                        continue
-                    problem.narrow(np.isfinite(there))
-                    known[mark] = (len(columns), {}, there)
-                    columns.append(problem.filled(_finite(there - before)))
-            offset, rows, here = known[mark]
-            at = {**values, **begun}
-            for key in (effect.qualified(p) for p in choice):
-                if key not in rows:
-                    rows[key] = len(columns)
-                    columns.append(problem.column(at, here, key)[0])
-            keys = tuple(effect.qualified(p) for p in choice)
-            candidates.append(Candidate(name, choice, keys, begun, tuple(rows[key] for key in keys), offset))
-    return Library(np.array(columns).reshape(len(columns), problem.c, problem.n), len(base_columns), tuple(candidates))
+    count = len(base_columns)
+    for name, choice, begun in tried:
+        mark = _mark(name, begun)
+        if mark in diverged:
+            continue
+        here = there.get(mark, before)
+        if begun and mark not in offsets:
+            problem.narrow(np.isfinite(here))
+            offsets[mark] = count
+            differences[count] = _finite(here - before)
+            count += 1
+        keys = tuple(problem.effects[name].qualified(p) for p in choice)
+        for key in keys:
+            if (mark, key) not in rows:
+                rows[mark, key] = count
+                asked[count] = ({**values, **begun}, here, key)
+                count += 1
+        columns = tuple(rows[mark, key] for key in keys)
+        candidates.append(Candidate(name, choice, keys, begun, columns, offsets.get(mark)))
+    stack = np.empty((count, problem.c, problem.n))
+    stack[: len(base_columns)] = base_columns
+    for row, difference in differences.items():
+        stack[row] = problem.filled(difference)
+    for row, column in zip(asked, problem.columns(list(asked.values())), strict=True):
+        stack[row] = column
+    return Library(stack, len(base_columns), tuple(candidates))
+
+
+def _mark(name: str, begun: dict[str, float]) -> _Mark:
+    """Return what tells the beginnings of effects apart; neutral ones are all alike within one."""
+    return name, tuple(sorted(begun.items()))
 
 
 def _beginnings(effect: Effect) -> list[tuple[tuple[str, ...], dict[str, float]]]:
