@@ -134,6 +134,14 @@ class SideBySide(Protocol):
         """Return what should have been measured from each of k `sets`, (k, n, c), as `predicted` would."""
 
 
+@runtime_checkable
+class TakesLibrary(Protocol):
+    """A simulation whose effects hold sizes and constants of its recording; optional."""
+
+    def like(self, fitted: Simulation) -> Simulation:
+        """Return the simulation with the effects of the one `fitted`, so that equal values mean the same in both."""
+
+
 def predicted_many(simulation: Simulation, sets: Sequence[Values]) -> Iterable[FloatArray]:
     """Return what `simulation` predicts from each of the complete `sets`, (n, c) each, at once where it can."""
     if isinstance(simulation, SideBySide) and sets:

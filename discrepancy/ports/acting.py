@@ -108,10 +108,12 @@ class PortActs:
     """What a model calls at its ports: adds up the terms there, and notes their own states' rates.
 
     `own` and `rates` (memory, ...) are set and read by whoever integrates; what is added is of `shape`, (k,) or (k, n).
+    While it `begins`, terms with memory set their own states.
     """
 
     def __init__(self, batch: Batch, shape: tuple[int, ...]) -> None:
         self._shape = shape
+        self.begins = False
         self.own = self.rates = np.zeros((batch.memory, *shape))
         self._count = {port.name: len(port.signals) for port in batch.ports}
         self._at: dict[str, list[tuple[PortActing, Arrays]]] = {port.name: [] for port in batch.ports}
@@ -126,6 +128,8 @@ class PortActs:
         total = np.zeros(self._shape)
         for each, values in self._at[port]:
             here = [self._of(signal, each.where) for signal in signals]
+            if self.begins and each.term.begun is not None:
+                self.own[each.own, each.where] = each.term.begun(here, values)
             added, rates = each.term.formula(here, self.own[each.own, each.where], values)
             total[each.where] += added
             for row, rate in enumerate(rates, each.own.start):
@@ -159,6 +163,8 @@ class OpenActs(PortActs):
         """Return a term's own states (memory, k, n) by Heun's method."""
         k, n = signals[0].shape
         path = np.zeros((each.term.memory, k, n))
+        if each.term.begun is not None:
+            path[:, :, 0] = each.term.begun([s[:, 0] for s in signals], values)
         for i in range(n - 1):
             now, then = [s[:, i] for s in signals], [s[:, i + 1] for s in signals]
             x = path[:, :, i]

@@ -13,6 +13,7 @@ import numpy as np
 
 from discrepancy.ports.acting import Batch, OpenActs, PortActs
 from discrepancy.ports.declared import Act, Arrays, Rows
+from discrepancy.ports.marching import march
 from messages.arrays import FloatArray
 
 Equation = Callable[[Rows, Rows, Arrays, Act], Sequence[FloatArray]]
@@ -46,40 +47,63 @@ class Ode:
         with np.errstate(all="ignore"):
             return list(self.output(tuple(states), tuple(batch.inputs), batch.whole_values, acts))
 
+    def traced(self, batch: Batch) -> Callable[[Act], FloatArray]:
+        """Return what gives the states' rates (s, n) along the first set's trajectory, for anything at the ports."""
+        states, _ = self.integrated(batch)
+
+        def rates(act: Act) -> FloatArray:
+            found = self.derivative(states[:, :1], batch.inputs[:, :1], batch.whole_values, act)
+            return np.stack([np.broadcast_to(row, states[0, :1].shape)[0] for row in found])
+
+        return rates
+
     def integrated(self, batch: Batch) -> tuple[FloatArray, FloatArray]:
         """Return the states (s, k, n), and those of the terms (memory, k, n)."""
         k, n = batch.shape
         begun = self.start(batch.values)
         s = len(begun)
-        x = np.zeros((s + batch.memory, k))
+        x = np.zeros((s + batch.memory, k, 1))
         for row, value in enumerate(begun):
-            x[row] = value
-        acts = PortActs(batch, (k,))
-
-        def rates(x: FloatArray, u: FloatArray) -> FloatArray:
-            out = np.zeros_like(x)
-            acts.own, acts.rates = x[s:], out[s:]
-            for row, rate in enumerate(self.derivative(x[:s], u, batch.values, acts)):
-                out[row] = rate
-            return out
-
-        at = np.ascontiguousarray(np.moveaxis(batch.inputs, 2, 0))
-        path = np.empty((n, s + batch.memory, k))
+            x[row] = np.reshape(value, (-1, 1))
+        values = batch.whole_values
+        if batch.memory:
+            act = PortActs(batch, (k, 1))
+            act.own, act.begins = x[s:], True
+            self.derivative(x[:s], batch.inputs[:, :, :1], values, act)
+        acts: dict[int, PortActs] = {}
         h = batch.step_s / self.steps
+
+        def step(x: FloatArray, first: int) -> FloatArray:
+            w = x.shape[2]
+            if w not in acts:
+                acts[w] = PortActs(batch, (k, w))
+            act = acts[w]
+
+            def rates(x: FloatArray, u: FloatArray) -> FloatArray:
+                out = np.zeros_like(x)
+                act.own, act.rates = x[s:], out[s:]
+                for row, rate in enumerate(self.derivative(x[:s], u, values, act)):
+                    out[row] = rate
+                return out
+
+            u = batch.inputs[:, :, first : first + w]
+            slope = 0.0 if self.held else (batch.inputs[:, :, first + 1 : first + w + 1] - u) / self.steps
+            for _ in range(self.steps):
+                x = runge_kutta(rates, x, u, slope, h)
+                u = u + slope
+            return x
+
         with np.errstate(all="ignore"):
-            for i in range(n):
-                path[i] = x
-                u = at[i]
-                slope = np.zeros_like(u) if self.held or i + 1 == n else (at[i + 1] - u) / self.steps
-                for _ in range(self.steps if i + 1 < n else 0):
-                    x = runge_kutta(rates, x, u, slope, h)
-                    u = u + slope
-        path = np.moveaxis(path, 0, 2)
+            path = march(step, x[:, :, 0], n)
         return path[:s], path[s:]
 
 
 def runge_kutta(
-    rates: Callable[[FloatArray, FloatArray], FloatArray], x: FloatArray, u: FloatArray, slope: FloatArray, h: float
+    rates: Callable[[FloatArray, FloatArray], FloatArray],
+    x: FloatArray,
+    u: FloatArray,
+    slope: FloatArray | float,
+    h: float,
 ) -> FloatArray:
     """Return the states a step `h` later, the inputs going from `u` to `u` + `slope`."""
     half = u + 0.5 * slope
@@ -102,3 +126,13 @@ class Whole:
         """Return the outputs, each (k, n) or what broadcasts to it."""
         with np.errstate(all="ignore"):
             return list(self.model(tuple(batch.inputs), batch.whole_values, OpenActs(batch)))
+
+    def traced(self, batch: Batch) -> Callable[[Act], FloatArray]:
+        """Return what gives the first set's outputs (c, n), for anything at the ports."""
+        shape = (1, batch.shape[1])
+
+        def outputs(act: Act) -> FloatArray:
+            found = self.model(batch.inputs[:, :1], batch.whole_values, act)
+            return np.stack([np.broadcast_to(row, shape)[0] for row in found])
+
+        return outputs
