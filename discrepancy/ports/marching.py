@@ -22,12 +22,12 @@ _AT_ONCE = 4096
 """Samples of all sets of parameters in a window: fewer leave Python's own cost, more the processor's memory."""
 _WIDEST, _NARROWEST = 2048, 16
 """Samples of a window: where a wide one does not converge, a narrower one does, and at last a loop over samples."""
-_ROUNDS = 12
+_ROUNDS = 16
 """Of Newton's method: it converges sooner, or the window is too wide."""
 _NEAR, _FALLS = 0.01, 0.1
 """Of a state's size: once a round moves it by less, and each by a tenth of the one before, the slopes are kept."""
-_CONVERGED = 1e-8
-"""Of a state's size: the next round would change it by its square."""
+_CONVERGED = 1e-11
+"""Of a state's size: what a whitening filter makes of smaller errors is below any noise."""
 _STEP = 1e-6
 """Of a state's size, for its derivative."""
 

@@ -5,6 +5,7 @@ there on the search is linear algebra on the whitened columns' products.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,6 +16,12 @@ from messages.arrays import FloatArray
 
 _RIDGE = 1e-9
 """Of each column's power: columns that say the same share one weight."""
+_RIDGES = (_RIDGE, 1e-6, 1e-4, 1e-2)
+"""Likewise: the stronger ones are for libraries with more columns than the recording has independent samples."""
+_FAR_LESS = 0.3
+"""Of the power left out of sample with the weakest: where a stronger leaves that little, that one explains anything."""
+_PARTS = 5
+"""Of a recording, each predicted from the others."""
 _ROUNDS = 2
 """Estimates of the noise: the first weighs all frequencies alike, the second by the first."""
 
@@ -128,7 +135,8 @@ def noise_beneath(problem: Problem, residual: FloatArray, columns: FloatArray, r
     """Return the whitening by what no column (m, c, n) explains of `residual` (c, n).
 
     A filter estimated from the residual itself would take a missing effect for colour and swallow it; what is left
-    beside the whole library is noise, if the effect is in the library and small enough to be linear.
+    beside the whole library is noise, if the effect is in the library and small enough to be linear, and if the library
+    is not so large that it explains anything: then its weights are held down until they hold out of sample.
     """
     power = np.sum(residual**2 * problem.valid, axis=1) / np.maximum(problem.valid.sum(axis=1), 1)
     plain = problem.valid / np.sqrt(np.where(power > 0.0, power, 1.0))[:, None]
@@ -137,15 +145,38 @@ def noise_beneath(problem: Problem, residual: FloatArray, columns: FloatArray, r
     for _ in range(rounds if len(columns) else 0):
         stack = np.stack([(column * plain if white is None else white(column)).reshape(-1) for column in columns])
         e = (residual * plain if white is None else white(residual)).reshape(-1)
-        left = residual - np.tensordot(ridge(stack @ stack.T, stack @ e), columns, axes=1)
+        weights = ridge(stack @ stack.T, stack @ e, _held_down(stack, e, problem.n))
+        left = residual - np.tensordot(weights, columns, axes=1)
         white = whitening(left, problem.valid)
     return white or whitening(left, problem.valid)
 
 
-def ridge(gram: FloatArray, score: FloatArray) -> FloatArray:
-    """Return the least-squares weights for products (m, m) and score (m,), columns that say the same sharing."""
+def _held_down(stack: FloatArray, e: FloatArray, n: int) -> float:
+    """Return the ridge under which columns (m, c · n) explain a residual (c · n,) out of sample: the weakest one, but
+    for a stronger that leaves far less.
+    """
+    m = len(stack)
+    edges = np.linspace(0, n, _PARTS + 1).astype(int)
+    shaped, left = stack.reshape(m, -1, n), e.reshape(-1, n)
+    parts = [(shaped[:, :, a:b].reshape(m, -1), left[:, a:b].reshape(-1)) for a, b in pairwise(edges)]
+    grams, scores = np.stack([x @ x.T for x, _ in parts]), np.stack([x @ y for x, y in parts])
+    power = [
+        sum(
+            float(np.sum((y - ridge(grams.sum(axis=0) - gram, scores.sum(axis=0) - score, share) @ x) ** 2))
+            for (x, y), gram, score in zip(parts, grams, scores, strict=True)
+        )
+        for share in _RIDGES
+    ]
+    best = int(np.argmin(power))
+    return _RIDGES[best] if power[best] < _FAR_LESS * power[0] else _RIDGES[0]
+
+
+def ridge(gram: FloatArray, score: FloatArray, share: float = _RIDGE) -> FloatArray:
+    """Return the least-squares weights for products (m, m) and score (m,), columns that say the same sharing; with a
+    larger `share` of each column's power held down.
+    """
     size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
     scaled = gram / np.outer(size, size)
-    scaled[np.diag_indices(len(size))] += _RIDGE
+    scaled[np.diag_indices(len(size))] += share
     weights: FloatArray = np.linalg.solve(scaled, score / size) / size
     return weights
