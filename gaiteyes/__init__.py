@@ -12,8 +12,11 @@ if TYPE_CHECKING:
     from discrepancy.explanation import Explanation as Explanation
     from discrepancy.finder import explain as explain
     from discrepancy.own_simulation import OwnSimulation as OwnSimulation
+    from discrepancy.ports.declared import Act as Act
+    from discrepancy.ports.declared import Arrays as Arrays
     from discrepancy.ports.declared import Port as Port
     from discrepancy.ports.declared import PortTerm as PortTerm
+    from discrepancy.ports.declared import Rows as Rows
     from discrepancy.ports.declared import Signal as Signal
     from discrepancy.ports.declared import SignalTerm as SignalTerm
     from discrepancy.ports.ode import Ode as Ode
@@ -102,6 +105,7 @@ if TYPE_CHECKING:
     from messages.can_receiver import CanReceiver as CanReceiver
     from messages.json_receiver import Received as Received
     from perception.ground.foothold import FootholdSettings as FootholdSettings
+    from systems.own.table import Table as Table
 
 __version__ = "0.1.0"
 
@@ -112,6 +116,10 @@ _HOMES = {
     "PortedSimulation": "discrepancy.ports.simulation",
     "Ode": "discrepancy.ports.ode",
     "Whole": "discrepancy.ports.ode",
+    "Act": "discrepancy.ports.declared",
+    "Arrays": "discrepancy.ports.declared",
+    "Rows": "discrepancy.ports.declared",
+    "Table": "systems.own.table",
     "Port": "discrepancy.ports.declared",
     "Signal": "discrepancy.ports.declared",
     "PortTerm": "discrepancy.ports.declared",

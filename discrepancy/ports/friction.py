@@ -98,7 +98,7 @@ def friction(span: PortSpan, step_s: float) -> list[PortTerm]:
                         span.port.signals[place].unit,
                         _SLOW[1] * speed.size,
                         0.01 * speed.size,
-                        2.0 * speed.size,
+                        0.7 * speed.size,
                         0.01 * speed.size,
                     ),
                 ),

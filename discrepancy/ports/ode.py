@@ -18,16 +18,16 @@ from messages.arrays import FloatArray
 
 Equation = Callable[[Rows, Rows, Arrays, Act], Sequence[FloatArray]]
 """From states, inputs, parameters and what acts at the ports: the states' rates, or the outputs."""
-Start = Callable[[Arrays], Sequence[FloatArray | float]]
-"""From the parameters: the states at the first sample."""
+Start = Sequence[float] | Callable[[Arrays], Sequence[FloatArray | float]]
+"""The states at the first sample, or what gives them from the parameters."""
 WholeModel = Callable[[Rows, Arrays, Act], Sequence[FloatArray]]
 """From inputs (k, n), parameters (k, 1) and what acts at the ports: the outputs, each (k, n)."""
 
 
 @dataclass(frozen=True)
 class Ode:
-    """A model as differential equations (1): `start(values)`, `derivative(state, inputs, values, act)` and
-    `output(state, inputs, values, act)`.
+    """A model as differential equations (1): the states at the `start`, or `start(values)` that gives them,
+    `derivative(state, inputs, values, act)`, and the `output`: which states, or `output(state, inputs, values, act)`.
 
     States and inputs come as rows to unpack, `angle, rate = state`; parameters as `values["inertia"]`. `steps` are
     taken for each sample; `held` says whether an input keeps its value until the next sample.
@@ -35,13 +35,15 @@ class Ode:
 
     start: Start
     derivative: Equation
-    output: Equation
+    output: Equation | Sequence[int]
     steps: int = 1
     held: bool = True
 
     def outputs(self, batch: Batch) -> list[FloatArray]:
         """Return the outputs, each (k, n) or what broadcasts to it."""
         states, own = self.integrated(batch)
+        if not callable(self.output):
+            return [states[place] for place in self.output]
         acts = PortActs(batch, batch.shape)
         acts.own = own
         with np.errstate(all="ignore"):
@@ -60,7 +62,7 @@ class Ode:
     def integrated(self, batch: Batch) -> tuple[FloatArray, FloatArray]:
         """Return the states (s, k, n), and those of the terms (memory, k, n)."""
         k, n = batch.shape
-        begun = self.start(batch.values)
+        begun = self.start(batch.values) if callable(self.start) else self.start
         s = len(begun)
         x = np.zeros((s + batch.memory, k, 1))
         for row, value in enumerate(begun):
