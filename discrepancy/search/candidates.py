@@ -160,13 +160,11 @@ def _held_down(stack: FloatArray, e: FloatArray, n: int) -> float:
     shaped, left = stack.reshape(m, -1, n), e.reshape(-1, n)
     parts = [(shaped[:, :, a:b].reshape(m, -1), left[:, a:b].reshape(-1)) for a, b in pairwise(edges)]
     grams, scores = np.stack([x @ x.T for x, _ in parts]), np.stack([x @ y for x, y in parts])
-    power = [
-        sum(
-            float(np.sum((y - ridge(grams.sum(axis=0) - gram, scores.sum(axis=0) - score, share) @ x) ** 2))
-            for (x, y), gram, score in zip(parts, grams, scores, strict=True)
-        )
-        for share in _RIDGES
-    ]
+    power = [0.0] * len(_RIDGES)
+    for row, (x, y) in enumerate(parts):
+        gram, score = (np.delete(each, row, axis=0).sum(axis=0) for each in (grams, scores))
+        for place, share in enumerate(_RIDGES):
+            power[place] += float(np.sum((y - ridge(gram, score, share) @ x) ** 2))
     best = int(np.argmin(power))
     return _RIDGES[best] if power[best] < _FAR_LESS * power[0] else _RIDGES[0]
 
