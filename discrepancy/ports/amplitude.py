@@ -20,6 +20,8 @@ _MOST_STEPS = 0.25
 """Of a channel's samples: with more values than that it is not rounded coarsely."""
 _LINES = 3
 """Of what the base model leaves: the highest lines of its spectrum, where a fit of a tone begins."""
+_PERIODS = 8
+"""Of a tone in a recording: what repeats itself less often is no hum."""
 _STATIC = "Hold the signal still at several values and compare it with a reference there."
 
 
@@ -187,6 +189,7 @@ def _tone(place: int, channel: str, wide: float, whole: Spans) -> list[SignalTer
     spectrum = np.abs(fft.rfft((left - left.mean()) * np.hanning(len(left))))
     f_hz = fft.rfftfreq(len(left), whole.step_s)
     peaks = 1 + np.flatnonzero((spectrum[1:-1] > spectrum[:-2]) & (spectrum[1:-1] > spectrum[2:]))
+    peaks = peaks[peaks >= _PERIODS]
     highest = peaks[np.argsort(-spectrum[peaks])[:_LINES]]
     if not len(highest):
         return []
@@ -202,7 +205,7 @@ def _tone(place: int, channel: str, wide: float, whole: Spans) -> list[SignalTer
         "tone",
         (
             *(Parameter(name, unit, 0.0, -wide, wide, 0.2 * SHARE * wide) for name in ("sine", "cosine")),
-            Parameter("hz", "Hz", float(f_hz[highest[0]]), float(f_hz[1]), float(f_hz[-1]), 0.05 / whole.seconds),
+            Parameter("hz", "Hz", float(f_hz[highest[0]]), float(f_hz[_PERIODS - 1]), float(f_hz[-1]), 0.05 / whole.seconds),
         ),
         "A hum of one frequency is added, whatever the inputs do.",
         "Look for the mains, a fan or another machine; shield or filter it.",

@@ -35,7 +35,7 @@ def friction(span: PortSpan, step_s: float) -> list[PortTerm]:
         return []
     speed, unit = span.signals[place], span.port.unit
     per_speed = over(unit, span.port.signals[place].unit)
-    per_square = over(unit, f"{span.port.signals[place].unit}^2")
+    per_square = f"{unit}/({span.port.signals[place].unit})^2"
     v0 = max(_STILL * speed.size, _JUMPS * speed.jump)
 
     def sign(v: FloatArray) -> FloatArray:
@@ -152,7 +152,8 @@ def _inertia(span: PortSpan, place: int, speed: Span, step_s: float) -> PortTerm
     def begun(signals: Rows, _p: Arrays) -> Rows:
         return (signals[place],)
 
-    unit = over(span.port.unit, f"{span.port.signals[place].unit}/s")
+    per_s = span.port.signals[place].unit
+    unit = over(span.port.unit, f"{per_s}^2" if per_s.endswith("/s") else f"{per_s}/s")
     return PortTerm(
         span.port.name,
         at_port(

@@ -106,7 +106,8 @@ class Fitter:
                 tried = problem.predicted(values)
                 residual = problem.difference(tried)
                 left = white(residual).reshape(-1)
-                chi2 = float(left @ left) if problem.lost(tried) <= MOST_LOST else np.inf
+                with np.errstate(over="ignore"):
+                    chi2 = float(left @ left) if problem.lost(tried) <= MOST_LOST else np.inf
                 share = (found.chi2 - chi2) / promised
                 if share > 0.0:
                     found, e, predicted = Fit(values, residual, chi2, tuple(keys)), left, tried

@@ -57,7 +57,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def _header(lines: Sequence[str]) -> list[str]:
-    return [name.strip() for name in lines[0].split(",")] if lines else []
+    return [name.strip().strip('"') for name in lines[0].split(",")] if lines else []
 
 
 def write_columns(path: Path, columns: Sequence[str], values: FloatArray) -> None:

@@ -25,7 +25,7 @@ class Table:
     @staticmethod
     def load(path: Path) -> "Table":
         """Read a CSV file, which may be gzipped: names in its first row, numbers below; raises UserError, one line."""
-        names = header_of(path)
+        names = [name for name in header_of(path) if name]
         values = read_columns(path, names)
         return Table(path, dict(zip(names, values.T, strict=True)))
 
