@@ -198,14 +198,14 @@ def _tone(place: int, channel: str, wide: float, whole: Spans) -> list[SignalTer
         phase = 2.0 * np.pi * p["hz"] * (channels.t_s - channels.t_s[0])
         return np.asarray(signals[place] + p["sine"] * np.sin(phase) + p["cosine"] * np.cos(phase))
 
-    unit = unit_of(channel)
+    unit, lowest_hz = unit_of(channel), float(f_hz[_PERIODS - 1])
     what = on_signal(
         "output",
         channel,
         "tone",
         (
             *(Parameter(name, unit, 0.0, -wide, wide, 0.2 * SHARE * wide) for name in ("sine", "cosine")),
-            Parameter("hz", "Hz", float(f_hz[highest[0]]), float(f_hz[_PERIODS - 1]), float(f_hz[-1]), 0.05 / whole.seconds),
+            Parameter("hz", "Hz", float(f_hz[highest[0]]), lowest_hz, float(f_hz[-1]), 0.05 / whole.seconds),
         ),
         "A hum of one frequency is added, whatever the inputs do.",
         "Look for the mains, a fan or another machine; shield or filter it.",

@@ -19,7 +19,7 @@ def generic_terms(simulation: "PortedSimulation") -> tuple[Term, ...]:
     channels = simulation.channels
     found: list[Term] = []
     for span in whole.ports:
-        found += [*friction(span, whole.step_s), *restoring(span, whole.step_s)]
+        found += [*friction(span, whole.substep_s), *restoring(span, whole.substep_s)]
     for place, name in enumerate(channels.input_names):
         found += amplitude("input", place, channels.input_names, whole.inputs, whole)
         found += timing("input", place, channels.input_names, whole.inputs[name], whole)

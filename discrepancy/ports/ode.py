@@ -8,6 +8,7 @@ over a sample, or go straight to the next one.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -123,6 +124,7 @@ class Whole:
     """
 
     model: WholeModel
+    steps: ClassVar[int] = 1
 
     def outputs(self, batch: Batch) -> list[FloatArray]:
         """Return the outputs, each (k, n) or what broadcasts to it."""

@@ -63,14 +63,15 @@ class PortSpan:
 
 @dataclass(frozen=True)
 class Spans:
-    """Of a whole recording: its ports, inputs and measured outputs by name, `step_s` between samples, its length, and
-    what the base model leaves of each output.
+    """Of a whole recording: its ports, inputs and measured outputs by name, `step_s` between samples, `substep_s` of
+    the integrator, its length, and what the base model leaves of each output.
     """
 
     ports: tuple[PortSpan, ...]
     inputs: dict[str, Span]
     outputs: dict[str, Span]
     step_s: float
+    substep_s: float
     seconds: float
     left: dict[str, FloatArray]
 
@@ -117,6 +118,7 @@ def spans(simulation: "PortedSimulation") -> Spans:
         {name: Span.of(row) for name, row in zip(channels.input_names, channels.inputs.T, strict=True)},
         {name: Span.of(row) for name, row in zip(channels.names, channels.values.T, strict=True)},
         batch.step_s,
+        batch.step_s / plain.model.steps,
         float(channels.t_s[-1] - channels.t_s[0]),
         dict(zip(channels.names, fit.residual, strict=True)),
     )
