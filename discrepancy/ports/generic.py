@@ -5,18 +5,22 @@ from typing import TYPE_CHECKING
 from discrepancy.ports.amplitude import amplitude, rounded
 from discrepancy.ports.declared import Term
 from discrepancy.ports.friction import friction
-from discrepancy.ports.ranges import spans
+from discrepancy.ports.ranges import Spans, spans
 from discrepancy.ports.restoring import restoring
 from discrepancy.ports.timing import lost, timing
+from discrepancy.simulation import Channels
 
 if TYPE_CHECKING:
     from discrepancy.ports.simulation import PortedSimulation
 
 
 def generic_terms(simulation: "PortedSimulation") -> tuple[Term, ...]:
-    """Return the library of a simulation with ports; the order is that in which they act on a signal."""
-    whole = spans(simulation)
-    channels = simulation.channels
+    """Return the library of a simulation with ports, sized by its recording."""
+    return terms_within(spans(simulation), simulation.channels)
+
+
+def terms_within(whole: Spans, channels: Channels) -> tuple[Term, ...]:
+    """Return the library of places that span so much; the order is that in which the terms act on a signal."""
     found: list[Term] = []
     for span in whole.ports:
         found += [*friction(span, whole.substep_s), *restoring(span, whole.substep_s)]
