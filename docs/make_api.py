@@ -138,7 +138,7 @@ def _alias(name: str) -> tuple[ast.expr, str]:
     for package in ("messages", "discrepancy"):
         for path in sorted((HOME / package).rglob("*.py")):
             body = ast.parse(path.read_text(encoding="utf-8")).body
-            for each, below in zip(body, [*body[1:], ast.Pass()], strict=True):
+            for each, below in zip(body, [*body, ast.Pass()][1:], strict=True):
                 if isinstance(each, ast.Assign) and ast.unparse(each.targets[0]) == name:
                     told = ast.literal_eval(below.value) if isinstance(below, ast.Expr) else ""
                     return each.value, inspect.cleandoc(told)
