@@ -136,3 +136,17 @@ def test_a_parameter_that_is_not_there_is_told() -> None:
 def test_a_port_is_named_as_effects_are() -> None:
     with pytest.raises(UserError, match="expected a name of letters, digits and underscores"):
         replace(SLED, name="the sled", signals=(Signal("place", "m"),))
+
+
+def pulled(_signals: Rows, _own: Rows, p: Arrays) -> tuple[FloatArray, Rows]:
+    return p["value"], ()
+
+
+def test_terms_at_one_port_add_up() -> None:
+    one, other = PortTerm("sled", effect("one"), pulled), PortTerm("sled", effect("other"), pulled)
+    whole = sled(1, 300, (one, other))
+    plain, first, second, both = whole.predicted_many(
+        [{}, {"one.value": 0.5}, {"other.value": 0.3}, {"one.value": 0.5, "other.value": 0.3}]
+    )
+    assert np.allclose(both - plain, (first - plain) + (second - plain), atol=1e-9)
+    assert np.ptp(both - first) > 1e-3
