@@ -7,6 +7,13 @@ if TYPE_CHECKING:
     from discrepancy.explanation import Explanation as Explanation
     from discrepancy.finder import explain as explain
     from discrepancy.own_simulation import OwnSimulation as OwnSimulation
+    from discrepancy.ports.declared import Port as Port
+    from discrepancy.ports.declared import PortTerm as PortTerm
+    from discrepancy.ports.declared import Signal as Signal
+    from discrepancy.ports.declared import SignalTerm as SignalTerm
+    from discrepancy.ports.ode import Ode as Ode
+    from discrepancy.ports.ode import Whole as Whole
+    from discrepancy.ports.simulation import PortedSimulation as PortedSimulation
     from discrepancy.simulation import Channels as Channels
     from discrepancy.simulation import Effect as Effect
     from discrepancy.simulation import Parameter as Parameter
@@ -21,12 +28,19 @@ _HOMES = {
     "Channels": "discrepancy.simulation",
     "Effect": "discrepancy.simulation",
     "Explanation": "discrepancy.explanation",
+    "Ode": "discrepancy.ports.ode",
     "OwnSimulation": "discrepancy.own_simulation",
     "Parameter": "discrepancy.simulation",
+    "Port": "discrepancy.ports.declared",
+    "PortTerm": "discrepancy.ports.declared",
+    "PortedSimulation": "discrepancy.ports.simulation",
     "Quantity": "discrepancy.verdict",
+    "Signal": "discrepancy.ports.declared",
+    "SignalTerm": "discrepancy.ports.declared",
     "Simulation": "discrepancy.simulation",
     "Values": "discrepancy.simulation",
     "Verdict": "discrepancy.verdict",
+    "Whole": "discrepancy.ports.ode",
     "explain": "discrepancy.finder",
 }
 

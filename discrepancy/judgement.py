@@ -14,7 +14,7 @@ from discrepancy.explanation import Adequacy, Spectrum, View
 from discrepancy.problem import Part, Problem
 from discrepancy.search.candidates import Candidate
 from discrepancy.search.fit import Fit, Intervals
-from discrepancy.simulation import Simulation
+from discrepancy.simulation import Simulation, TakesLibrary
 from discrepancy.verdict import Gain
 from messages.arrays import FloatArray
 
@@ -34,6 +34,8 @@ class Recordings:
     def of(cls, fit: Simulation, held_out: Simulation | None) -> "Recordings":
         """Return both; raises UserError where too little of one can be compared."""
         if held_out is not None:
+            if isinstance(held_out, TakesLibrary):
+                held_out = held_out.like(fit)
             told = repeated(fit.channels, held_out.channels)
             return cls(Problem(fit, told), Problem(held_out, told), True)
         n = len(fit.channels.t_s)

@@ -1,10 +1,12 @@
 """A simulation with a part of its library: what a researcher leaves out cannot be named."""
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
-from discrepancy.simulation import Channels, Effect, Parameter, Simulation, Values
+import numpy as np
+
+from discrepancy.simulation import Channels, Effect, Parameter, Simulation, TakesLibrary, Values, predicted_many
 from discrepancy.values import Neutral
 from messages.arrays import FloatArray
 from messages.errors import UserError
@@ -40,6 +42,15 @@ class Restricted:
     def predicted(self, values: Values) -> FloatArray:
         """Return what should have been measured, what is left out being neutral."""
         return self.whole.predicted(self._neutral.completed(values))
+
+    def predicted_many(self, sets: Sequence[Values]) -> FloatArray:
+        """Return what should have been measured from each of the `sets`, (k, n, c)."""
+        return np.stack([*predicted_many(self.whole, [self._neutral.completed(values) for values in sets])])
+
+    def like(self, fitted: Simulation) -> Simulation:
+        """Return the simulation with the effects of the one `fitted`, where its own depend on its recording."""
+        whole = fitted.whole if isinstance(fitted, Restricted) else fitted
+        return replace(self, whole=self.whole.like(whole)) if isinstance(self.whole, TakesLibrary) else self
 
     @cached_property
     def _neutral(self) -> Neutral:

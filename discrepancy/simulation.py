@@ -6,9 +6,9 @@ base model.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from messages.arrays import FloatArray
 from messages.errors import unknown_name
@@ -124,3 +124,26 @@ class Simulation(Protocol):
 
     def predicted(self, values: Values) -> FloatArray:
         """Return what should have been measured, (n, c), from all parameters; NaN where inputs are missing."""
+
+
+@runtime_checkable
+class SideBySide(Protocol):
+    """A simulation that predicts from many sets of parameters at once faster than one after another; optional."""
+
+    def predicted_many(self, sets: Sequence[Values]) -> FloatArray:
+        """Return what should have been measured from each of k `sets`, (k, n, c), as `predicted` would."""
+
+
+@runtime_checkable
+class TakesLibrary(Protocol):
+    """A simulation whose effects hold sizes and constants of its recording; optional."""
+
+    def like(self, fitted: Simulation) -> Simulation:
+        """Return the simulation with the effects of the one `fitted`, so that equal values mean the same in both."""
+
+
+def predicted_many(simulation: Simulation, sets: Sequence[Values]) -> Iterable[FloatArray]:
+    """Return what `simulation` predicts from each of the complete `sets`, (n, c) each, at once where it can."""
+    if isinstance(simulation, SideBySide) and sets:
+        return simulation.predicted_many(sets)
+    return (simulation.predicted(values) for values in sets)

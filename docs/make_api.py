@@ -23,7 +23,8 @@ SECTIONS = {
     ],
     "Replay a recording": ["replay", "Pipeline", "load_calibration", "FootholdSettings"],
     "Explain what a simulation gets wrong": [
-        "explain", "OwnSimulation", "Channels", "Effect", "Parameter", "Values", "FloatArray", "Simulation",
+        "explain", "PortedSimulation", "Ode", "Whole", "Port", "Signal", "PortTerm", "SignalTerm", "Act", "Arrays",
+        "Rows", "Table", "OwnSimulation", "Channels", "Effect", "Parameter", "Values", "FloatArray", "Simulation",
         "Explanation", "Verdict", "Cause", "Quantity", "Gain", "Remainder", "Signature", "headline",
         "quantity_text", "write_report",
     ],
@@ -135,9 +136,9 @@ def _functions(node: ast.ClassDef) -> Iterator[ast.FunctionDef]:
 def _alias(name: str) -> tuple[ast.expr, str]:
     """Return what the type alias `name` stands for, and the text below it."""
     for package in ("messages", "discrepancy"):
-        for path in sorted((HOME / package).glob("*.py")):
+        for path in sorted((HOME / package).rglob("*.py")):
             body = ast.parse(path.read_text(encoding="utf-8")).body
-            for each, below in zip(body, [*body[1:], ast.Pass()], strict=True):
+            for each, below in zip(body, [*body, ast.Pass()][1:], strict=True):
                 if isinstance(each, ast.Assign) and ast.unparse(each.targets[0]) == name:
                     told = ast.literal_eval(below.value) if isinstance(below, ast.Expr) else ""
                     return each.value, inspect.cleandoc(told)

@@ -12,6 +12,16 @@ if TYPE_CHECKING:
     from discrepancy.explanation import Explanation as Explanation
     from discrepancy.finder import explain as explain
     from discrepancy.own_simulation import OwnSimulation as OwnSimulation
+    from discrepancy.ports.declared import Act as Act
+    from discrepancy.ports.declared import Arrays as Arrays
+    from discrepancy.ports.declared import Port as Port
+    from discrepancy.ports.declared import PortTerm as PortTerm
+    from discrepancy.ports.declared import Rows as Rows
+    from discrepancy.ports.declared import Signal as Signal
+    from discrepancy.ports.declared import SignalTerm as SignalTerm
+    from discrepancy.ports.ode import Ode as Ode
+    from discrepancy.ports.ode import Whole as Whole
+    from discrepancy.ports.simulation import PortedSimulation as PortedSimulation
     from discrepancy.report.output import write_report as write_report
     from discrepancy.report.wording import headline as headline
     from discrepancy.report.wording import quantity_text as quantity_text
@@ -98,6 +108,7 @@ if TYPE_CHECKING:
     from messages.can_setpoint import SetpointReceiver as SetpointReceiver
     from messages.json_receiver import Received as Received
     from perception.ground.foothold import FootholdSettings as FootholdSettings
+    from systems.own.table import Table as Table
 
 __version__ = "0.1.0"
 
@@ -105,6 +116,17 @@ _HOMES = {
     "explain": "discrepancy.finder",
     "Explanation": "discrepancy.explanation",
     "OwnSimulation": "discrepancy.own_simulation",
+    "PortedSimulation": "discrepancy.ports.simulation",
+    "Ode": "discrepancy.ports.ode",
+    "Whole": "discrepancy.ports.ode",
+    "Act": "discrepancy.ports.declared",
+    "Arrays": "discrepancy.ports.declared",
+    "Rows": "discrepancy.ports.declared",
+    "Table": "systems.own.table",
+    "Port": "discrepancy.ports.declared",
+    "Signal": "discrepancy.ports.declared",
+    "PortTerm": "discrepancy.ports.declared",
+    "SignalTerm": "discrepancy.ports.declared",
     "Channels": "discrepancy.simulation",
     "Effect": "discrepancy.simulation",
     "Parameter": "discrepancy.simulation",

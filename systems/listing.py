@@ -39,7 +39,35 @@ def libraries() -> dict[str, tuple[Effect, ...]]:
         ),
         "imu": imu.library(facts),
         "wearable": wearable.library(with_reference=True),
+        "own simulation with ports": _ported(),
     }
+
+
+def _ported() -> tuple[Effect, ...]:
+    """Return the generic library at a port that moves, at one with a level, and on an input and two outputs."""
+    import numpy as np
+
+    from discrepancy.ports.declared import Port, Signal
+    from discrepancy.ports.generic import terms_within
+    from discrepancy.ports.ranges import PortSpan, Span, Spans
+    from discrepancy.simulation import Channels
+
+    one = Span(-1.0, 1.0, 1.0, 0.1)
+    moving = Port("joint", "N", "the joint", (Signal("x", "m", "position"), Signal("v", "m/s", "velocity")))
+    filled = Port("tank", "m/s", "the tank", (Signal("h", "m", "level"),))
+    steps = np.repeat(np.arange(50.0) % 7.0, 4)
+    outputs = ("output_m", "other_V")
+    channels = Channels(np.arange(200.0), np.column_stack((steps, steps)), outputs, steps[:, None], ("input_V",))
+    whole = Spans(
+        (PortSpan(moving, (one, one), 1.0, 1.0), PortSpan(filled, (one,), 1.0, 1.0)),
+        {"input_V": one},
+        dict.fromkeys(outputs, one),
+        1.0,
+        1.0,
+        200.0,
+        dict.fromkeys(outputs, np.sin(np.arange(200.0))),
+    )
+    return tuple(t.effect for t in terms_within(whole, channels) if not t.effect.name.endswith("_of_other_V"))
 
 
 def page(by_system: Mapping[str, Iterable[Effect]]) -> str:

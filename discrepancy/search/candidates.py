@@ -5,6 +5,7 @@ there on the search is linear algebra on the whitened columns' products.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,8 +16,18 @@ from messages.arrays import FloatArray
 
 _RIDGE = 1e-9
 """Of each column's power: columns that say the same share one weight."""
+_RIDGES = (_RIDGE, 1e-6, 1e-4, 1e-2)
+"""Likewise: the stronger ones are for libraries with more columns than the recording has independent samples."""
+_FAR_LESS = 0.3
+"""Of the power left out of sample with the weakest: where a stronger leaves that little, that one explains anything."""
+_PARTS = 5
+"""Of a recording, each predicted from the others."""
 _ROUNDS = 2
 """Estimates of the noise: the first weighs all frequencies alike, the second by the first."""
+
+
+_Mark = tuple[str, tuple[tuple[str, float], ...]]
+"""An effect, and what it begins at."""
 
 
 @dataclass(frozen=True)
@@ -59,35 +70,46 @@ def library(problem: Problem, values: dict[str, float], base_columns: FloatArray
     Samples that a column cannot give are taken out of the problem; a start at which the model diverges is no candidate.
     """
     before = problem.predicted(values)
-    columns: list[FloatArray] = list(base_columns)
+    tried = [(name, choice, begun) for name in names for choice, begun in _beginnings(problem.effects[name])]
+    starts = {_mark(name, begun): begun for name, _, begun in tried if begun}
+    there = dict(zip(starts, problem.predicted_many([{**values, **begun} for begun in starts.values()]), strict=True))
+    diverged = {mark for mark, each in there.items() if problem.lost(each) > MOST_LOST}
+    rows: dict[tuple[_Mark, str], int] = {}
+    offsets: dict[_Mark, int] = {}
+    differences: dict[int, FloatArray] = {}
+    asked: dict[int, tuple[dict[str, float], FloatArray, str]] = {}
     candidates: list[Candidate] = []
-    for name in names:
-        effect = problem.effects[name]
-        known: dict[tuple[tuple[str, float], ...], tuple[int | None, dict[str, int], FloatArray]] = {}
-        diverged: set[tuple[tuple[str, float], ...]] = set()
-        for choice, begun in _beginnings(effect):
-            mark = tuple(sorted(begun.items()))
-            if mark in diverged:
-                continue
-            if mark not in known:
-                known[mark] = (None, {}, before)
-                if begun:
-                    there = problem.predicted({**values, **begun})
-                    if problem.lost(there) > MOST_LOST:
-                        diverged.add(mark)
-                        continue
-                    problem.narrow(np.isfinite(there))
-                    known[mark] = (len(columns), {}, there)
-                    columns.append(problem.filled(_finite(there - before)))
-            offset, rows, here = known[mark]
-            at = {**values, **begun}
-            for key in (effect.qualified(p) for p in choice):
-                if key not in rows:
-                    rows[key] = len(columns)
-                    columns.append(problem.column(at, here, key)[0])
-            keys = tuple(effect.qualified(p) for p in choice)
-            candidates.append(Candidate(name, choice, keys, begun, tuple(rows[key] for key in keys), offset))
-    return Library(np.array(columns).reshape(len(columns), problem.c, problem.n), len(base_columns), tuple(candidates))
+    count = len(base_columns)
+    for name, choice, begun in tried:
+        mark = _mark(name, begun)
+        if mark in diverged:
+            continue
+        here = there.get(mark, before)
+        if begun and mark not in offsets:
+            problem.narrow(np.isfinite(here))
+            offsets[mark] = count
+            differences[count] = _finite(here - before)
+            count += 1
+        keys = tuple(problem.effects[name].qualified(p) for p in choice)
+        for key in keys:
+            if (mark, key) not in rows:
+                rows[mark, key] = count
+                asked[count] = ({**values, **begun}, here, key)
+                count += 1
+        columns = tuple(rows[mark, key] for key in keys)
+        candidates.append(Candidate(name, choice, keys, begun, columns, offsets.get(mark)))
+    stack = np.empty((count, problem.c, problem.n))
+    stack[: len(base_columns)] = base_columns
+    for row, difference in differences.items():
+        stack[row] = problem.filled(difference)
+    for row, column in zip(asked, problem.columns(list(asked.values())), strict=True):
+        stack[row] = column
+    return Library(stack, len(base_columns), tuple(candidates))
+
+
+def _mark(name: str, begun: dict[str, float]) -> _Mark:
+    """Return what tells the beginnings of effects apart; neutral ones are all alike within one."""
+    return name, tuple(sorted(begun.items()))
 
 
 def _beginnings(effect: Effect) -> list[tuple[tuple[str, ...], dict[str, float]]]:
@@ -113,7 +135,8 @@ def noise_beneath(problem: Problem, residual: FloatArray, columns: FloatArray, r
     """Return the whitening by what no column (m, c, n) explains of `residual` (c, n).
 
     A filter estimated from the residual itself would take a missing effect for colour and swallow it; what is left
-    beside the whole library is noise, if the effect is in the library and small enough to be linear.
+    beside the whole library is noise, if the effect is in the library and small enough to be linear, and if the library
+    is not so large that it explains anything: then its weights are held down until they hold out of sample.
     """
     power = np.sum(residual**2 * problem.valid, axis=1) / np.maximum(problem.valid.sum(axis=1), 1)
     plain = problem.valid / np.sqrt(np.where(power > 0.0, power, 1.0))[:, None]
@@ -122,15 +145,36 @@ def noise_beneath(problem: Problem, residual: FloatArray, columns: FloatArray, r
     for _ in range(rounds if len(columns) else 0):
         stack = np.stack([(column * plain if white is None else white(column)).reshape(-1) for column in columns])
         e = (residual * plain if white is None else white(residual)).reshape(-1)
-        left = residual - np.tensordot(ridge(stack @ stack.T, stack @ e), columns, axes=1)
+        weights = ridge(stack @ stack.T, stack @ e, _held_down(stack, e, problem.n))
+        left = residual - np.tensordot(weights, columns, axes=1)
         white = whitening(left, problem.valid)
     return white or whitening(left, problem.valid)
 
 
-def ridge(gram: FloatArray, score: FloatArray) -> FloatArray:
-    """Return the least-squares weights for products (m, m) and score (m,), columns that say the same sharing."""
+def _held_down(stack: FloatArray, e: FloatArray, n: int) -> float:
+    """Return the ridge under which columns (m, c · n) explain a residual (c · n,) out of sample: the weakest one, but
+    for a stronger that leaves far less.
+    """
+    m = len(stack)
+    edges = np.linspace(0, n, _PARTS + 1).astype(int)
+    shaped, left = stack.reshape(m, -1, n), e.reshape(-1, n)
+    parts = [(shaped[:, :, a:b].reshape(m, -1), left[:, a:b].reshape(-1)) for a, b in pairwise(edges)]
+    grams, scores = np.stack([x @ x.T for x, _ in parts]), np.stack([x @ y for x, y in parts])
+    power = [0.0] * len(_RIDGES)
+    for row, (x, y) in enumerate(parts):
+        gram, score = (np.delete(each, row, axis=0).sum(axis=0) for each in (grams, scores))
+        for place, share in enumerate(_RIDGES):
+            power[place] += float(np.sum((y - ridge(gram, score, share) @ x) ** 2))
+    best = int(np.argmin(power))
+    return _RIDGES[best] if power[best] < _FAR_LESS * power[0] else _RIDGES[0]
+
+
+def ridge(gram: FloatArray, score: FloatArray, share: float = _RIDGE) -> FloatArray:
+    """Return the least-squares weights for products (m, m) and score (m,), columns that say the same sharing; with a
+    larger `share` of each column's power held down.
+    """
     size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
     scaled = gram / np.outer(size, size)
-    scaled[np.diag_indices(len(size))] += _RIDGE
+    scaled[np.diag_indices(len(size))] += share
     weights: FloatArray = np.linalg.solve(scaled, score / size) / size
     return weights

@@ -106,7 +106,8 @@ class Fitter:
                 tried = problem.predicted(values)
                 residual = problem.difference(tried)
                 left = white(residual).reshape(-1)
-                chi2 = float(left @ left) if problem.lost(tried) <= MOST_LOST else np.inf
+                with np.errstate(over="ignore"):
+                    chi2 = float(left @ left) if problem.lost(tried) <= MOST_LOST else np.inf
                 share = (found.chi2 - chi2) / promised
                 if share > 0.0:
                     found, e, predicted = Fit(values, residual, chi2, tuple(keys)), left, tried
@@ -122,7 +123,7 @@ class Fitter:
         return found
 
     def _whitened(self, values: dict[str, float], predicted: FloatArray, keys: Sequence[str]) -> list[FloatArray]:
-        columns = (self._problem.column(values, predicted, key)[0] for key in keys)
+        columns = self._problem.columns([(values, predicted, key) for key in keys])
         return [self.white(column).reshape(-1) for column in columns]
 
     def _step(
@@ -162,7 +163,7 @@ def base_fit(problem: Problem, white: Whitening, values: dict[str, float], colum
 def columns_of(problem: Problem, values: dict[str, float], keys: Sequence[str]) -> FloatArray:
     """Return the columns (p, c, n) of `keys` at `values`."""
     before = problem.predicted(values)
-    columns = [problem.column(values, before, key)[0] for key in keys]
+    columns = problem.columns([(values, before, key) for key in keys])
     return np.array(columns).reshape(len(columns), problem.c, problem.n)
 
 

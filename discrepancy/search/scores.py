@@ -32,6 +32,8 @@ _CHANCE = 0.01
 """Of noise giving the best of all candidates as much: a cause that is less surprising is not taken in."""
 _RIDGE = 1e-9
 """Of each column's power: columns that say the same leave their products solvable."""
+_OWN = 1e-6
+"""Of a column's power: with less beside the columns that are in already, it says nothing that these do not."""
 _NOISE_RIDGE = 1e-6
 """Likewise, of all the library's columns together, which say the same far more often."""
 
@@ -66,6 +68,11 @@ def products(stack: FloatArray, base: int, e: FloatArray, samples: int, extra: F
         score = rest @ e - cross @ weight[:, -1]
     else:
         gram, score, weight = rest @ rest.T, rest @ e, np.zeros((0, len(rest) + 1))
+    power = np.sum(rest**2, axis=1)
+    said = np.diag(gram) <= _OWN * power
+    if said.any():
+        score[said], gram[said], gram[:, said] = 0.0, 0.0, 0.0
+        gram[said, said] = np.maximum(power[said], np.finfo(float).tiny)
     beneath = _noise(stack, own, e, gram, score, base, weight)
     return Products(gram, score, _inflation(rest, own, weight[:, :-1], beneath, gram, samples))
 

@@ -1,6 +1,8 @@
 """Columns of numbers in CSV files: read at the speed of the disk, with a line for whoever wrote the wrong cell."""
 
+import gzip
 import os
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,14 +17,8 @@ def read_columns(path: Path, columns: Sequence[str]) -> FloatArray:
 
     Raises UserError naming the file and the missing column, or the row and column of a cell that is no number.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path}: not UTF-8 text (byte {error.start})") from error
-    lines = text.splitlines()
-    header = [name.strip() for name in lines[0].split(",")] if lines else []
+    lines = _lines(path)
+    header = _header(lines)
     for name in columns:
         if header.count(name) != 1:
             problem = "missing" if name not in header else "there twice"
@@ -37,6 +33,31 @@ def read_columns(path: Path, columns: Sequence[str]) -> FloatArray:
     if values.shape != (len(rows), len(header)):
         raise UserError(f"{path}: {_first_problem(lines, header)}")
     return np.ascontiguousarray(values[:, [header.index(name) for name in columns]])
+
+
+def header_of(path: Path) -> list[str]:
+    """Return the names in the first row of a file; raises UserError where it cannot be read, or has none."""
+    names = _header(_lines(path))
+    if not any(names):
+        raise UserError(f"{path}: is empty; expected the columns' names in its first row")
+    return names
+
+
+def _lines(path: Path) -> list[str]:
+    """Return the lines of a file, which may be gzipped where its name says so."""
+    try:
+        data = gzip.decompress(path.read_bytes()) if path.suffix == ".gz" else path.read_bytes()
+        return data.decode("utf-8-sig").splitlines()
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise UserError(f"{path}: not a whole gzip file") from error
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: not UTF-8 text (byte {error.start})") from error
+
+
+def _header(lines: Sequence[str]) -> list[str]:
+    return [name.strip().strip('"') for name in lines[0].split(",")] if lines else []
 
 
 def write_columns(path: Path, columns: Sequence[str], values: FloatArray) -> None:

@@ -17,6 +17,13 @@ WANTED = {
     "wearable": "imu_bias acceleration_disturbance extrinsic_rotation time_offset baseline_error toe_in focal_error "
     "distortion_residual motion_blur rolling_shutter pixel_locking exposure_change texture_bias ground_not_flat "
     "soft_mount",
+    "own simulation with ports": "viscous_friction_at_joint coulomb_friction_at_joint stribeck_friction_at_joint "
+    "asymmetric_friction_at_joint quadratic_drag_at_joint missing_inertia_at_joint hysteresis_at_joint "
+    "constant_at_joint spring_at_joint cubic_spring_at_joint dead_band_spring_at_joint upper_stop_at_joint "
+    "lower_stop_at_joint cogging_at_joint leak_at_tank overflow_at_tank delay_of_output_m lag_of_output_m "
+    "gain_of_output_m offset_of_output_m drift_of_output_m clock_drift_of_output_m saturation_of_output_m "
+    "quantisation_of_output_m dropped_samples_of_output_m aliasing_of_output_m tone_of_output_m play_of_output_m "
+    "curve_of_output_m cross_coupling_of_output_m delay_of_input_V gain_of_input_V dead_band_of_input_V",
 }
 
 

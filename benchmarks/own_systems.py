@@ -1,0 +1,160 @@
+"""Two public benchmarks of system identification as a user would explain them: the drive EMPS, the cascaded tanks.
+
+    python -m benchmarks.own_systems [--system emps] [--out DIR]
+
+The data are read where they are and left there. Everything is fitted on the estimation file alone.
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import gaiteyes
+from lab.evaluation.measured.data_folder import data_folder
+
+_CHANNEL_HZ_DIVISOR = 20
+"""EMPS is recorded at 1 kHz and moves below 5 Hz: means of 20 samples hold all of it."""
+_FIRST = 20
+"""Samples of EMPS that tell where it begins."""
+_MOTOR_N_PER_V = 35.15065
+_TANK_STEP_S = 4.0
+
+CARRIAGE = gaiteyes.Port(
+    "carriage",
+    "N",
+    "the carriage",
+    (gaiteyes.Signal("position", "m", "position"), gaiteyes.Signal("speed", "m/s", "velocity")),
+)
+TANKS = tuple(
+    gaiteyes.Port(name, "V/s", f"the {name} tank", (gaiteyes.Signal("level", "V", "level"),))
+    for name in ("upper", "lower")
+)
+
+
+def carriage(
+    state: gaiteyes.Rows, inputs: gaiteyes.Rows, values: gaiteyes.Arrays, act: gaiteyes.Act
+) -> tuple[gaiteyes.FloatArray, ...]:
+    position, speed = state
+    (drive,) = inputs
+    force = _MOTOR_N_PER_V * drive - values["viscous"] * speed - values["offset"] + act("carriage", position, speed)
+    return speed, force / values["mass"]
+
+
+def emps(path: Path) -> gaiteyes.PortedSimulation:
+    whole = gaiteyes.Table.load(path)
+    begun = float(whole["qm"][:_FIRST].mean())
+    table = whole.thinned(_CHANNEL_HZ_DIVISOR)
+    return gaiteyes.PortedSimulation(
+        "emps",
+        table.channels(["qm"], ["vir"], time="t"),
+        gaiteyes.Ode(start=(begun, 0.0), derivative=carriage, output=(0,), held=False),
+        (CARRIAGE,),
+        (
+            gaiteyes.Parameter("mass", "kg", neutral=95.0, low=20.0, high=300.0, scale=0.5),
+            gaiteyes.Parameter("viscous", "N s/m", neutral=200.0, low=0.0, high=2000.0, scale=1.0),
+            gaiteyes.Parameter("offset", "N", neutral=0.0, low=-50.0, high=50.0, scale=0.1),
+        ),
+    )
+
+
+def levels(
+    state: gaiteyes.Rows, inputs: gaiteyes.Rows, values: gaiteyes.Arrays, act: gaiteyes.Act
+) -> tuple[gaiteyes.FloatArray, ...]:
+    upper, lower = state
+    (pump,) = inputs
+    between = values["upper_outlet"] * np.sqrt(np.maximum(upper, 0.0))
+    out = values["lower_outlet"] * np.sqrt(np.maximum(lower, 0.0))
+    return (
+        values["pump"] * pump - between + act("upper", upper),
+        between - out + act("lower", lower),
+    )
+
+
+def tanks(path: Path, which: str) -> gaiteyes.PortedSimulation:
+    table = gaiteyes.Table.load(path)
+    pump, level = table[f"u{which}"], table[f"y{which}"]
+    t_s = np.arange(len(pump), dtype=np.float64) * _TANK_STEP_S
+    return gaiteyes.PortedSimulation(
+        "cascaded_tanks",
+        gaiteyes.Channels(t_s, level[:, None], ("level_V",), pump[:, None], ("pump_V",)),
+        gaiteyes.Ode(
+            start=lambda values: (values["upper_begun"], values["lower_begun"]), derivative=levels, output=(1,)
+        ),
+        TANKS,
+        (
+            *(
+                gaiteyes.Parameter(name, "1/s", neutral=0.05, low=1e-3, high=0.5, scale=1e-4)
+                for name in ("pump", "upper_outlet", "lower_outlet")
+            ),
+            gaiteyes.Parameter("upper_begun", "V", neutral=5.0, low=0.0, high=15.0, scale=0.05),
+            gaiteyes.Parameter("lower_begun", "V", neutral=5.0, low=0.0, high=15.0, scale=0.05),
+        ),
+    )
+
+
+Pair = tuple[gaiteyes.PortedSimulation, gaiteyes.PortedSimulation]
+
+
+def _emps(folder: Path) -> Pair:
+    return emps(folder / "estimation.csv.gz"), emps(folder / "validation.csv.gz")
+
+
+def _tanks(folder: Path) -> Pair:
+    path = folder / "dataBenchmark.csv.gz"
+    return tanks(path, "Est"), tanks(path, "Val")
+
+
+SYSTEMS: dict[str, tuple[str, Callable[[Path], Pair], float, str]] = {
+    "emps": ("sysid_emps", _emps, 1e3, "mm"),
+    "cascaded_tanks": ("sysid_cascaded_tanks", _tanks, 1.0, "V"),
+}
+
+
+def told(name: str, pair: Pair, per_unit: float, unit: str, out: Path | None) -> None:
+    begun = time.monotonic()
+    explanation = gaiteyes.explain(*pair, seed=1)
+    took_s = time.monotonic() - begun
+    verdict = explanation.verdict
+    print(f"{name}: {gaiteyes.headline(verdict)}")
+    for cause in verdict.causes:
+        for parameter, quantity in cause.parameters.items():
+            value, interval, shown = gaiteyes.quantity_text(quantity)
+            print(f"  {cause.name}.{parameter} = {value} ({interval}) {shown}")
+        if cause.equivalents:
+            print(f"  look-alikes: {', '.join(cause.equivalents)}")
+    for name_, quantity in verdict.parameters_after.items():
+        print(f"  {name_} = {gaiteyes.quantity_text(quantity)[0]} {gaiteyes.quantity_text(quantity)[2]}")
+    count = len(verdict.parameters_after) + sum(len(cause.parameters) for cause in verdict.causes)
+    for which, view in (("estimation", explanation.fit), ("validation", explanation.held_out)):
+        measured = view.channels.values
+        before, after = (
+            per_unit * float(np.sqrt(np.nanmean((measured - each) ** 2))) for each in (view.base, view.extended)
+        )
+        print(f"  {which}: {before:.3g} → {after:.3g} {unit} RMS, all samples")
+    for note in explanation.notes:
+        print(f"  note: {note}")
+    print(f"  {count} parameters, {took_s:.0f} s")
+    if out is not None:
+        gaiteyes.write_report(explanation, out / name)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--system", choices=sorted(SYSTEMS), default=None)
+    parser.add_argument("--out", type=Path, default=None)
+    options = parser.parse_args()
+    for name, (folder, pair, per_unit, unit) in SYSTEMS.items():
+        if options.system in (None, name):
+            try:
+                data = data_folder(folder)
+            except gaiteyes.UserError as error:
+                print(f"{name}: skipped: {error}")
+                continue
+            told(name, pair(data), per_unit, unit, options.out)
+
+
+if __name__ == "__main__":
+    main()

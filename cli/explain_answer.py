@@ -1,0 +1,115 @@
+"""What every `gaiteyes explain SYSTEM` does: fit, judge, write and print; the options that they share."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from discrepancy.explanation import Explanation
+    from discrepancy.simulation import Simulation
+
+Out = Annotated[Path, typer.Option(help="Folder for verdict, report, held-out data and extended model.")]
+HeldOut = Annotated[
+    Path | None, typer.Option(help="Another recording to test on; by default the last 30 % of the first.")
+]
+Only = Annotated[str, typer.Option(help="Try only these effects, with commas.")]
+Without = Annotated[str, typer.Option(help="Leave these effects out of the library, with commas.")]
+Report = Annotated[bool, typer.Option(help="Draw report.html (extra lab).")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the random resampling for intervals.")]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a person asked for, as the options say."""
+
+    recording: Path
+    out: Path
+    held_out: Path | None
+    only: str
+    without: str
+    report: bool
+    seed: int
+    json: Path | None
+
+
+def answer(load: "Callable[[Path], Simulation]", asked: Asked) -> None:
+    """Explain what was asked, simulations coming from `load`; write the results and print them."""
+    from cli.console import check_writable, console
+    from cli.progress import working
+    from discrepancy import explain
+    from discrepancy.report.output import check_report, write_report
+    from discrepancy.restricted import check_names, without
+    from discrepancy.verdict import to_json
+
+    check_writable(asked.json)
+    if asked.report:
+        check_report()
+    tried, left_out = _names(asked.only), _names(asked.without)
+    with working("reading the recording") as now:
+        fit = load(asked.recording)
+        check_names("--only", tried, fit)
+        check_names("--without", left_out, fit)
+        other = None if asked.held_out is None else without(load(asked.held_out), left_out)
+        now("searching for effects that the simulation lacks")
+        explanation = explain(without(fit, left_out), other, seed=asked.seed, only=tried)
+        now("writing the results")
+        files = [path for path in (asked.recording, asked.held_out) if path is not None]
+        write_report(explanation, asked.out, report=asked.report, files=files)
+    if asked.json is not None:
+        write(asked.json, to_json(explanation.verdict))
+    _print(explanation)
+    console.print(f"written to {asked.out}")
+
+
+def write(path: Path, data: bytes) -> None:
+    """Write a file; raises UserError where it cannot."""
+    from messages.errors import UserError
+
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}") from error
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def _print(explanation: "Explanation") -> None:
+    from cli.console import console, table
+    from discrepancy.report.wording import (
+        headline,
+        parameter_words,
+        quantity_text,
+        removed_text,
+        seen_text,
+        share_text,
+        words,
+    )
+
+    verdict, gain = explanation.verdict, explanation.verdict.gain
+    console.print(headline(verdict), style="bold")
+    rows = [
+        [words(cause.name), parameter_words(name), *quantity_text(quantity)]
+        for cause in verdict.causes
+        for name, quantity in cause.parameters.items()
+    ]
+    if rows:
+        table("Causes", ["cause", "parameter", "value", "95 %", "unit"], rows)
+    for effect in explanation.causes:
+        console.print(f"- {words(effect.name)}: {effect.explanation} {effect.remedy}")
+    told = f"; {removed_text(verdict)}" if verdict.causes else ""
+    console.print(
+        f"held-out error {share_text(gain.held_out_nrmse_before)} → {share_text(gain.held_out_nrmse_after)}, noise "
+        f"{share_text(gain.noise_floor_nrmse)}{'' if verdict.noise_from else ' (estimated)'}{told}",
+        highlight=False,
+    )
+    if verdict.seen_above:
+        console.print(f"would have been seen from: {seen_text(verdict)}")
+    for note in explanation.notes:
+        console.print(f"note: {note}")
+    if verdict.next_experiment:
+        console.print(f"next experiment: {verdict.next_experiment}")

@@ -1,0 +1,139 @@
+"""What the signals at a simulation's places span in its recording: from it come the sizes that effects there may have.
+
+The base model is fitted first, so that its own trajectory is near the measured one.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from discrepancy.ports.acting import check_port
+from discrepancy.ports.declared import Port, Rows
+from discrepancy.problem import Problem
+from discrepancy.search.refits import base_of
+from messages.arrays import FloatArray
+from messages.errors import UserError
+
+if TYPE_CHECKING:
+    from discrepancy.ports.simulation import PortedSimulation
+
+_ALMOST_ALL = 98.0
+"""Percent of a signal's samples that are within what is called its size: peaks are left out."""
+_UNIT = 1.0
+"""Of a port: what is added there to see what it does."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """Of one signal: lowest and highest value, `size` that its magnitude seldom exceeds, `jump` that it makes from one
+    sample to the next (RMS).
+    """
+
+    low: float
+    high: float
+    size: float
+    jump: float
+
+    @classmethod
+    def of(cls, signal: FloatArray) -> "Span":
+        """Return the span of a signal's finite samples; one that stands still at zero spans one unit."""
+        there = signal[np.isfinite(signal)]
+        size = float(np.percentile(np.abs(there), _ALMOST_ALL)) if len(there) else 0.0
+        if size == 0.0:
+            size = float(np.abs(there).max(initial=0.0)) or 1.0
+        jump = float(np.sqrt(np.mean(np.diff(there) ** 2))) if len(there) > 1 else 0.0
+        return cls(float(there.min(initial=0.0)), float(there.max(initial=0.0)), size, jump)
+
+
+@dataclass(frozen=True)
+class PortSpan:
+    """Of one port: the spans of its signals, and the `size` of what, added there, would move the system as much as it
+    moves.
+
+    `response` is by how much a unit there changes the rate of the state that it changes most, in that state's unit.
+    """
+
+    port: Port
+    signals: tuple[Span, ...]
+    size: float
+    response: float
+
+
+@dataclass(frozen=True)
+class Spans:
+    """Of a whole recording: its ports, inputs and measured outputs by name, `step_s` between samples, `substep_s` of
+    the integrator, its length, and what the base model leaves of each output.
+    """
+
+    ports: tuple[PortSpan, ...]
+    inputs: dict[str, Span]
+    outputs: dict[str, Span]
+    step_s: float
+    substep_s: float
+    seconds: float
+    left: dict[str, FloatArray]
+
+
+class PortNotes:
+    """Stands in for what acts at the ports: adds `amount` at one of them, and notes the signals handed over."""
+
+    def __init__(self, ports: Sequence[Port], where: str = "", amount: float = 0.0) -> None:
+        self._count = {port.name: len(port.signals) for port in ports}
+        self._where, self._amount = where, amount
+        self.signals: dict[str, Rows] = {}
+
+    def __call__(self, port: str, *signals: FloatArray) -> FloatArray:
+        """Return the amount; raises UserError for an unknown port or another number of signals."""
+        check_port(self._count, port, signals)
+        self.signals[port] = signals
+        return np.array(self._amount if port == self._where else 0.0)
+
+
+def spans(simulation: "PortedSimulation") -> Spans:
+    """Return what a simulation's recording spans.
+
+    Raises UserError where the base model diverges with its own starting values, or never calls a port of its own.
+    """
+    plain = simulation.with_terms(())
+    channels = plain.channels
+    first = plain.predicted({})
+    if not np.isfinite(first).all():
+        lost = channels.t_s[int(np.argmax(~np.isfinite(first).all(axis=1)))] - channels.t_s[0]
+        raise UserError(
+            f"{simulation.system}: the model gives no finite output from {lost:.4g} s on with its parameters' neutral "
+            "values; expected neutral values near the truth, and `steps` enough for its fastest motion"
+        )
+    fit, _ = base_of(Problem(plain))
+    batch = plain.batch([fit.values])
+    trace = plain.model.traced(batch)
+    quiet = PortNotes(plain.ports)
+    rates = trace(quiet)
+    for port in plain.ports:
+        if port.name not in quiet.signals:
+            raise UserError(f"{simulation.system}: port {port.name}: the model never calls act there")
+    return Spans(
+        tuple(_port(port, plain.ports, quiet.signals[port.name], rates, trace) for port in plain.ports),
+        {name: Span.of(row) for name, row in zip(channels.input_names, channels.inputs.T, strict=True)},
+        {name: Span.of(row) for name, row in zip(channels.names, channels.values.T, strict=True)},
+        batch.step_s,
+        batch.step_s / plain.model.steps,
+        float(channels.t_s[-1] - channels.t_s[0]),
+        dict(zip(channels.names, fit.residual, strict=True)),
+    )
+
+
+Trace = Callable[[PortNotes], FloatArray]
+"""From what stands in at the ports: what they change along the base model's trajectory, (rows, n)."""
+
+
+def _port(port: Port, ports: Sequence[Port], signals: Rows, rates: FloatArray, trace: Trace) -> PortSpan:
+    n = rates.shape[1]
+    change = np.abs(trace(PortNotes(ports, port.name, _UNIT)) - rates).mean(axis=1) / _UNIT
+    felt = change > 0.0
+    if not felt.any():
+        raise UserError(f"port {port.name}: what is added there changes nothing in the model")
+    moves = np.sqrt((rates[felt] ** 2).mean(axis=1)) / change[felt]
+    own = tuple(Span.of(np.broadcast_to(np.asarray(signal), (1, n))[0]) for signal in signals)
+    return PortSpan(port, own, float(moves.min()) or 1.0, float(change.max()))
