@@ -99,8 +99,6 @@ def _print(explanation: "Explanation") -> None:
     ]
     if rows:
         table("Causes", ["cause", "parameter", "value", "95 %", "unit"], rows)
-    for term in verdict.constructed:
-        console.print(f"at {words(term.port)}: {term.formula}", highlight=False)
     for effect in explanation.causes:
         console.print(f"- {words(effect.name)}: {effect.explanation} {effect.remedy}")
     told = f"; {removed_text(verdict)}" if verdict.causes else ""
