@@ -57,21 +57,27 @@ for _system in _SYSTEMS:
 
 @explain.command()
 def simulate(
-    system: Annotated[str, typer.Argument(help="platform, imu or wearable.")],
-    recording: Annotated[Path, typer.Argument(help="Folder of the recording whose inputs drive the simulation.")],
+    system: Annotated[str, typer.Argument(help="platform, imu, wearable, or your own MODULE:FUNCTION.")],
+    recording: Annotated[Path, typer.Argument(help="The recording whose inputs drive the simulation.")],
     extended: Annotated[Path, typer.Argument(help="extended.toml of an explanation.")],
     out: Annotated[Path, typer.Option(help="CSV file to write: t_s and, per channel, measured, base, extended.")],
 ) -> None:
     """Simulate a recording with an extended model, beside the base model at the same parameters of its own."""
     from cli.console import console
-    from discrepancy.report.extended import load_extended
+    from discrepancy.report.extended import load_extended, with_constructed
     from discrepancy.report.output import beside_text
     from discrepancy.values import predicted
     from messages.errors import UserError
 
-    if system not in _SYSTEMS:
-        raise UserError(f"{system}: no such system; expected {', '.join(_SYSTEMS)}")
-    simulation = _loaded(system, recording)
+    if ":" in system:
+        from systems.own.function import function_of, simulation_of
+
+        loaded = simulation_of(function_of(system), recording)
+    elif system in _SYSTEMS:
+        loaded = _loaded(system, recording)
+    else:
+        raise UserError(f"{system}: no such system; expected {', '.join(_SYSTEMS)} or MODULE:FUNCTION")
+    simulation = with_constructed(extended, loaded)
     values = load_extended(extended, simulation)
     own = {parameter.name for parameter in simulation.parameters}
     base = {name: value for name, value in values.items() if name in own}

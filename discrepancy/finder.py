@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from discrepancy.construct.construction import constructed
 from discrepancy.explanation import Explanation
 from discrepancy.findings import Alternatives, Findings
-from discrepancy.judgement import Models, Recordings, judged
+from discrepancy.judgement import LEAST_REMOVED, Models, Recordings, judged
 from discrepancy.problem import MOST_LOST, Problem
 from discrepancy.search.equivalents import better, equivalents
 from discrepancy.search.pruning import intervals_of, kept
@@ -17,8 +18,6 @@ from messages.errors import UserError
 
 __all__ = ["Explanation", "explain"]
 
-_LEAST_REMOVED = 0.5
-"""Of the held-out error's power above the noise: what causes must remove, frozen, to be named."""
 _LEAST_COMPARED = 0.95
 """Of what was measured: where less can be compared, it is told."""
 _MOST_EXCHANGED = 2
@@ -57,11 +56,32 @@ def explain(fit: Simulation, held_out: Simulation | None, *, seed: int, only: tu
     elif judgement.good_enough and not only:
         notes = ("the simulation as it is meets the stated tolerance in every channel",)
         models, judgement = models.withdrawn(), judgement.withdrawn()
+    if not (models.causes or judgement.after.adequate or judgement.good_enough or only):
+        found_more = _constructed(fit, held_out, models, seed, notes)
+        if found_more is not None:
+            return found_more
     notes += _compared(recordings.fit, "fitted") + _compared(recordings.held_out, "held out")
     alternatives = _alternatives(search, models, rivals=not only)
     quiet = judgement.after.adequate and not models.causes and not only
     smallest = search.smallest(found.chance) if quiet else None
     return Findings(recordings, found, models, judgement, alternatives, smallest, notes, seed).explanation()
+
+
+def _constructed(
+    fit: Simulation, held_out: Simulation | None, models: Models, seed: int, notes: tuple[str, ...]
+) -> Explanation | None:
+    """Return the explanation by terms made at the simulation's ports, None where none holds elsewhere."""
+    made = constructed(fit, held_out, models.base.values, seed)
+    if made is None:
+        return None
+    recordings, causes = made.recordings, made.models.causes
+    as_good, rival = made.alike()
+    rise = {cause.effect: made.rise(cause) for cause in causes}
+    notes += _compared(recordings.fit, "fitted") + _compared(recordings.held_out, "held out")
+    found = Alternatives(rise, as_good, rival)
+    return Findings(
+        recordings, made.found, made.models, made.judgement, found, None, notes, seed, made.made
+    ).explanation()
 
 
 def _all_found(recordings: Recordings, found: Found) -> Models:
@@ -101,7 +121,7 @@ def _compared(problem: Problem, which: str) -> tuple[str, ...]:
 def _holds(gain: Gain) -> bool:
     """Return whether the extension, frozen, removes enough on the recording held out."""
     removed = gain.share_of_excess_removed
-    return removed is not None and removed >= _LEAST_REMOVED
+    return removed is not None and removed >= LEAST_REMOVED
 
 
 def _alternatives(search: Search, models: Models, *, rivals: bool) -> Alternatives:

@@ -1,10 +1,12 @@
 """All that was decided about a recording, put into the words and numbers of an explanation."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from math import isfinite
 
-from discrepancy.evidence.gain import told
+from discrepancy.construct.formula import told
+from discrepancy.construct.terms import MadeTerm
+from discrepancy.evidence.gain import told as told_gain
 from discrepancy.evidence.signature import nothing_left, signature
 from discrepancy.evidence.whitening import whitening
 from discrepancy.explanation import Evidence, Explanation, Status
@@ -14,7 +16,7 @@ from discrepancy.search.fit import Fit, Intervals
 from discrepancy.search.scores import PENALTY, probability, threshold
 from discrepancy.search.search import Found
 from discrepancy.search.smallest import Smallest
-from discrepancy.verdict import Cause, Quantity, Remainder, Verdict, number
+from discrepancy.verdict import Cause, Kind, Quantity, Remainder, Verdict, number
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class Findings:
     """One recording explained: what the search found, the models kept, how they were judged, and what could stand in.
 
     `smallest` tells what would have been seen, where nothing was. `notes` are for a person, `seed` drew the
-    bootstrap.
+    bootstrap. `made` are the terms, by name, that were made for want of a library's effect.
     """
 
     recordings: Recordings
@@ -44,6 +46,7 @@ class Findings:
     smallest: Smallest | None
     notes: tuple[str, ...]
     seed: int
+    made: Mapping[str, MadeTerm] = field(default_factory=dict)
 
     def explanation(self) -> Explanation:
         """Return the explanation."""
@@ -72,17 +75,23 @@ class Findings:
         noise = problem.noise
         return Verdict(
             system=problem.simulation.system,
-            verdict="named" if causes else "unknown" if present else "cannot_tell" if self._doubts() else "nothing",
+            verdict=self._kind(causes, present),
             causes=causes,
             remainder=self._remainder() if present else Remainder(False, 0.0, nothing_left()),
-            gain=told(self.recordings.held_out, judgement.gain),
+            gain=told_gain(self.recordings.held_out, judgement.gain),
             parameters_before=_quantities(problem, models.base, models.base_intervals, problem.base),
             parameters_after=_quantities(problem, models.extended, models.extended_intervals, problem.base),
             next_experiment=self._next_experiment(causes),
             noise_from=None if noise is None else noise.source,
             seen_above=self._seen_above(),
             notes=[*self.notes, *judgement.after.remarks],
+            constructed=[told(self.made[cause.name], cause.parameters) for cause in causes if cause.name in self.made],
         )
+
+    def _kind(self, causes: Sequence[Cause], present: bool) -> Kind:
+        if causes:
+            return "constructed" if any(cause.name in self.made for cause in causes) else "named"
+        return "unknown" if present else "cannot_tell" if self._doubts() else "nothing"
 
     def _doubts(self) -> list[str]:
         """Return in words why a recording in which nothing was found does not tell that nothing is there."""
@@ -108,7 +117,7 @@ class Findings:
     def _remainder(self) -> Remainder:
         """Return what the extended model still misses."""
         problem = self.recordings.fit
-        removed = told(self.recordings.held_out, self.judgement.gain).share_of_excess_removed
+        removed = told_gain(self.recordings.held_out, self.judgement.gain).share_of_excess_removed
         white = whitening(self.models.extended.residual, problem.valid)
         return Remainder(
             present=True,

@@ -21,6 +21,9 @@ from messages.arrays import FloatArray
 _FIT_SHARE = 0.7
 """Of a recording that has no other beside it: what is fitted; the rest judges."""
 
+LEAST_REMOVED = 0.5
+"""Of the held-out error's power above the noise: what causes must remove, frozen, to be named."""
+
 
 @dataclass(frozen=True)
 class Recordings:

@@ -22,6 +22,9 @@ MOST_LOST = 0.05
 _MOST_CHANGED = 1e100
 """In a channel's unit, by one scale of a parameter: more is a model that has diverged."""
 
+Asked = tuple[Values, FloatArray, str]
+"""A column that is asked for: the values it is taken at, the prediction (c, n) there, and a parameter."""
+
 
 class Problem:
     """Residuals of one simulation against its recording; `noise` is what is known of its noise beside any model.
@@ -95,19 +98,25 @@ class Problem:
         step = self._step(values, key)
         return self.columns([(values, before, key)])[0], step
 
-    def columns(self, asked: Sequence[tuple[Values, FloatArray, str]]) -> list[FloatArray]:
+    def columns(self, asked: Sequence[Asked]) -> list[FloatArray]:
         """Return how the prediction changes by one `scale`, (c, n), for each of `asked`: values, the prediction there
         and a parameter. All are predicted side by side where that is faster.
         """
-        steps = [self._step(values, key) for values, _, key in asked]
-        moved = [
-            {**values, key: self.value(values, key) + step * self.parameters[key].scale}
-            for (values, _, key), step in zip(asked, steps, strict=True)
+        return self.changes(asked, self.predicted_many(self.moved(asked)))
+
+    def moved(self, asked: Sequence[Asked]) -> list[Values]:
+        """Return the values at which to predict for the columns `asked`."""
+        return [
+            {**values, key: self.value(values, key) + self._step(values, key) * self.parameters[key].scale}
+            for values, _, key in asked
         ]
+
+    def changes(self, asked: Sequence[Asked], after: Iterable[FloatArray]) -> list[FloatArray]:
+        """Return the columns `asked` from what is predicted where a parameter is moved."""
         out = []
         with np.errstate(invalid="ignore", over="ignore"):
-            for after, (_, before, _), step in zip(self.predicted_many(moved), asked, steps, strict=True):
-                change = (after - before) / step
+            for there, (values, before, key) in zip(after, asked, strict=True):
+                change = (there - before) / self._step(values, key)
                 out.append(self.filled(np.where(np.abs(change) < _MOST_CHANGED, change, 0.0)))
         return out
 

@@ -11,6 +11,9 @@ from messages.constants import NORMAL_95
 
 MOST_EQUIVALENTS = 3
 
+Kind = Literal["named", "nothing", "unknown", "cannot_tell", "constructed"]
+"""Verdicts, in words of `docs/discrepancy.md`."""
+
 
 class Quantity(msgspec.Struct, frozen=True):
     """A parameter with its 95 % interval."""
@@ -67,16 +70,31 @@ class Gain(msgspec.Struct, frozen=True):
     share_of_excess_removed: float | None
 
 
+class Constructed(msgspec.Struct, frozen=True):
+    """A cause that no library names: the term of a `form` from `signals` that acts at a `port`, as a `formula` with its
+    sizes filled in, and in words. `constants` are what the formula holds beside its parameters.
+    """
+
+    name: str
+    port: str
+    form: str
+    signals: list[str]
+    formula: str
+    words: str
+    constants: dict[str, float]
+
+
 class Verdict(msgspec.Struct, frozen=True):
     """The whole verdict, strongest cause first.
 
     `noise_from` tells what the noise is known from beside any model; null where it had to be estimated from what the
     models leave. `seen_above` tells, where nothing was named, from which size on each parameter would have been seen;
     a null value means that none within its bounds would have been. `notes` say what a reader should know beside.
+    `constructed` are those causes, of a verdict of that name, that were made at the simulation's ports.
     """
 
     system: str
-    verdict: Literal["named", "nothing", "unknown", "cannot_tell"]
+    verdict: Kind
     causes: list[Cause]
     remainder: Remainder
     gain: Gain
@@ -86,6 +104,7 @@ class Verdict(msgspec.Struct, frozen=True):
     noise_from: Literal["stated", "repeats", "period", "rest"] | None = None
     seen_above: dict[str, Quantity] = {}
     notes: list[str] = []
+    constructed: list[Constructed] = []
 
 
 def number(value: float) -> float | None:

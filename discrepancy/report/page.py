@@ -34,6 +34,7 @@ def page(explanation: Explanation, files: Sequence[Path] = ()) -> str:
     """Return the page as HTML, made of the recordings `files`; draws with matplotlib."""
     verdict, view = explanation.verdict, explanation.held_out
     effects = {effect.name: effect for effect in explanation.causes}
+    formulas = {term.name: term.formula for term in verdict.constructed}
     best, more = _evidence(explanation.evidence)
     remains = verdict.remainder.present and verdict.causes
     return rendered(
@@ -47,7 +48,10 @@ def page(explanation: Explanation, files: Sequence[Path] = ()) -> str:
         gain=verdict.gain,
         seen=seen_text(verdict),
         held_out_is_own=explanation.held_out_is_own,
-        causes=[_cause(cause, effects[cause.name], explanation.rivals) for cause in verdict.causes],
+        causes=[
+            _cause(cause, effects[cause.name], explanation.rivals, formulas.get(cause.name, ""))
+            for cause in verdict.causes
+        ],
         missing=_where(verdict.remainder.signature) if remains else "",
         left_out=len(view.channels.names) - len(shown_channels(view)),
         keys=((BEFORE, "before"), (AFTER, "after"), (FLOOR, "noise")),
@@ -95,7 +99,7 @@ def _where(signature: Signature) -> str:
     return ", ".join(parts)
 
 
-def _cause(cause: Cause, effect: Effect, rivals: dict[str, Effect]) -> dict[str, object]:
+def _cause(cause: Cause, effect: Effect, rivals: dict[str, Effect], formula: str) -> dict[str, object]:
     evidence = cause.evidence
     told = [f"without it the misfit χ² rises by {chi2_text(evidence.get('chi2'))}"]
     if evidence.get("threshold") is not None:
@@ -104,6 +108,7 @@ def _cause(cause: Cause, effect: Effect, rivals: dict[str, Effect]) -> dict[str,
         told.append(f"the best other candidate in its place fits worse by {chi2_text(evidence['rival_chi2'])}")
     return {
         "name": words(cause.name),
+        "formula": formula,
         "effect": effect,
         "quantities": [(parameter_words(name), *quantity_text(found)) for name, found in cause.parameters.items()],
         "alike": listed([words(name) for name in cause.equivalents], "or") if cause.equivalents else "",

@@ -33,8 +33,19 @@ def headline(verdict: Verdict) -> str:
         return "This recording cannot tell: it would show no effect, or its noise may hide one."
     if verdict.verdict == "unknown":
         return "Not explained: the simulation is missing something that no effect of the library describes."
+    if verdict.verdict == "constructed":
+        formulas = "; ".join(term.formula for term in verdict.constructed)
+        ports = listed(list(dict.fromkeys(words(term.port) for term in verdict.constructed)))
+        named = [words(cause.name) for cause in verdict.causes if cause.name not in _names(verdict)]
+        beside = f" beside {listed(named)}" if named else ""
+        tail = " Something more is not explained." if verdict.remainder.present else ""
+        return f"No effect of the library is it, but this term at {ports} explains it{beside}: {formulas}.{tail}"
     tail = " Something more is not explained." if verdict.remainder.present else ""
     return f"The simulation is missing: {listed([_or_equivalents(cause) for cause in verdict.causes])}.{tail}"
+
+
+def _names(verdict: Verdict) -> list[str]:
+    return [term.name for term in verdict.constructed]
 
 
 def seen_text(verdict: Verdict) -> str:

@@ -5,7 +5,7 @@ taken once and kept as long as the fit converges fast (they hardly change with a
 are taken anew at each step.
 """
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from discrepancy.evidence.whitening import Whitening
 from discrepancy.problem import MOST_LOST, Problem
+from discrepancy.simulation import Values
 from messages.arrays import FloatArray
 from messages.constants import NORMAL_95
 
@@ -73,17 +74,42 @@ class Intervals:
 
 
 class Fitter:
-    """Fits under one whitening. `base_columns` (q, c, n) are raw columns of the base model's parameters."""
+    """Fits under one whitening. `base_columns` (q, c, n) are raw columns of the base model's parameters, which may be
+    taken `fresh` at each step, as costs nothing where predictions are made side by side.
+    """
 
-    def __init__(self, problem: Problem, white: Whitening, base_columns: FloatArray) -> None:
-        self._problem, self.white = problem, white
+    def __init__(self, problem: Problem, white: Whitening, base_columns: FloatArray, *, fresh: bool = False) -> None:
+        self._problem, self.white, self._fresh = problem, white, fresh
         self._base = [white(column).reshape(-1) for column in base_columns]
 
     def fit(self, values: dict[str, float], keys: Sequence[str], steps: int = MOST_STEPS) -> Fit:
         """Return the fit of base model and `keys`, begun at `values`."""
+        return self.fit_each([(values, keys)], steps)[0]
+
+    def fit_each(self, begun: Sequence[tuple[dict[str, float], Sequence[str]]], steps: int = MOST_STEPS) -> list[Fit]:
+        """Return the fit of base model and keys for each of `begun`, values and keys; what they ask for is predicted
+        side by side where that is faster.
+        """
+        fits = [self._fitted(values, keys, steps) for values, keys in begun]
+        asked = {place: next(each) for place, each in enumerate(fits)}
+        found: dict[int, Fit] = {}
+        while asked:
+            told = iter(self._problem.predicted_many([values for sets in asked.values() for values in sets]))
+            further: dict[int, list[Values]] = {}
+            for place, sets in asked.items():
+                answer = _answered(fits[place], [next(told) for _ in sets])
+                if isinstance(answer, Fit):
+                    found[place] = answer
+                else:
+                    further[place] = answer
+            asked = further
+        return [found[place] for place in range(len(fits))]
+
+    def _fitted(self, values: dict[str, float], keys: Sequence[str], steps: int) -> "_Fitting":
+        """Fit, yielding the values at which predictions are needed."""
         problem, white = self._problem, self.white
         begun = problem.shifted(values, keys, np.zeros(len(keys)))
-        predicted = problem.predicted(begun)
+        (predicted,) = yield [begun]
         residual = problem.difference(predicted)
         e = white(residual).reshape(-1)
         found = Fit(begun, residual, float(e @ e), tuple(keys))
@@ -92,7 +118,10 @@ class Fitter:
         damping, base, refreshed, expected = _DAMPING, self._base, found, np.inf
         moving = (*problem.base, *keys)
         for _ in range(steps):
-            J = np.array([*base, *self._whitened(found.values, predicted, keys)])
+            if self._fresh:
+                J = np.array((yield from self._whitened(found.values, predicted, moving)))
+            else:
+                J = np.array([*base, *(yield from self._whitened(found.values, predicted, keys))])
             if not len(J):
                 return found
             gram, score = J @ J.T, J @ e
@@ -103,7 +132,7 @@ class Fitter:
                 if not promised >= _GAIN_ENOUGH or damping > _MOST_DAMPING:
                     break
                 values = problem.shifted(found.values, moving, delta)
-                tried = problem.predicted(values)
+                (tried,) = yield [values]
                 residual = problem.difference(tried)
                 left = white(residual).reshape(-1)
                 with np.errstate(over="ignore"):
@@ -113,18 +142,22 @@ class Fitter:
                     found, e, predicted = Fit(values, residual, chi2, tuple(keys)), left, tried
                 kept = share > _FAITHFUL
                 damping = max(damping * _EASED, _DAMPING) if kept else max(damping, _LEAST_RAISED) * _RAISED
-            stale = refreshed is not found and bool(problem.base) and bool(keys)
+            stale = refreshed is not found and bool(problem.base) and bool(keys) and not self._fresh
             slow = share < _FAITHFUL or promised > _SLOW * expected
             expected = promised
             if stale and slow and promised >= _GAIN_ENOUGH:
-                base, refreshed = self._whitened(found.values, predicted, problem.base), found
+                base = yield from self._whitened(found.values, predicted, problem.base)
+                refreshed = found
             elif share <= 0.0 or share * promised < _GAIN_ENOUGH:
                 return found
         return found
 
-    def _whitened(self, values: dict[str, float], predicted: FloatArray, keys: Sequence[str]) -> list[FloatArray]:
-        columns = self._problem.columns([(values, predicted, key) for key in keys])
-        return [self.white(column).reshape(-1) for column in columns]
+    def _whitened(
+        self, values: dict[str, float], predicted: FloatArray, keys: Sequence[str]
+    ) -> Generator[list[Values], list[FloatArray], list[FloatArray]]:
+        asked = [(values, predicted, key) for key in keys]
+        after = yield self._problem.moved(asked)
+        return [self.white(column).reshape(-1) for column in self._problem.changes(asked, after)]
 
     def _step(
         self, values: dict[str, float], keys: Sequence[str], gram: FloatArray, score: FloatArray, damping: float
@@ -153,6 +186,19 @@ class Fitter:
                 break
             free[np.flatnonzero(free)[out]] = False
         return delta
+
+
+_Fitting = Generator[list[Values], list[FloatArray], Fit]
+"""A fit under way: it asks for predictions at values, and returns what it found."""
+
+
+def _answered(fit: _Fitting, predicted: list[FloatArray]) -> list[Values] | Fit:
+    """Return what a fit asks for next, or what it found."""
+    try:
+        return fit.send(predicted)
+    except StopIteration as end:
+        found: Fit = end.value
+        return found
 
 
 def base_fit(problem: Problem, white: Whitening, values: dict[str, float], columns: FloatArray) -> Fit:

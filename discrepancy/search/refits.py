@@ -25,9 +25,11 @@ _RECOLOURING_ROUNDS = 1
 """Estimates of the noise beneath the library when it is whitened anew: the fit's own residual is little but noise."""
 
 
-def base_of(problem: Problem) -> tuple[Fit, FloatArray]:
-    """Return the base model's fit, whitened by its own residual, and its columns (q, c, n) there."""
-    values = problem.start()
+def base_of(problem: Problem, begun: dict[str, float] | None = None) -> tuple[Fit, FloatArray]:
+    """Return the base model's fit, whitened by its own residual, and its columns (q, c, n) there; `begun` where it is
+    known about.
+    """
+    values = begun or problem.start()
     residual = problem.residual(values)
     columns = np.zeros((0, problem.c, problem.n))
     white = whitening(residual, problem.valid)

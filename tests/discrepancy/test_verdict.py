@@ -47,6 +47,7 @@ def test_fields_are_those_agreed() -> None:
         "noise_from",
         "seen_above",
         "notes",
+        "constructed",
     ]
     assert list(told["causes"][0]) == ["name", "parameters", "evidence", "equivalents"]
     assert list(told["causes"][0]["parameters"]["value_s"]) == ["value", "low", "high", "unit"]
