@@ -100,7 +100,8 @@ def motion_of(trial: AnkleTrial, bodies: Bodies) -> AnkleMotion:
         measured_rate[own] = (rate[:, 3:] - np.cross(A, rate[:, :3]))[:, axes]
     plate, shank, wrench = plate[:, rows], shank[:, rows], all_wrench[rows]
     Y = regressor(*_motion_of_A(plate, settings.joint_to_surface_m, A))
-    need = Y @ (bodies.plate + bodies.foot)
+    tared = level_rest(A)
+    need = Y @ (bodies.plate + bodies.foot) - tared @ bodies.plate
     moment = wrench[:, 3:] - np.cross(A, wrench[:, :3]) - need[:, 3:]
     f_shank = need[:, :3] - wrench[:, :3]
     levers = -np.cross(np.eye(3)[:, None], f_shank).transpose(1, 2, 0)  # −e × f_shank, (n, axis, e)
@@ -135,6 +136,13 @@ def _later(trial: AnkleTrial, cycle: int) -> tuple[FloatArray, FloatArray]:
             at_s = np.clip(t_s[part] + trial.settings.instruments.delay_s, t_s[part][0], t_s[part][-1])
             later[part] = CubicSpline(t_s[part], slow)(at_s) - slow
     return later, rate
+
+
+def level_rest(A: FloatArray) -> FloatArray:
+    """Return Y⁰ (6, 10) about A of a body that rests on the level plate: what the tare took of the plate."""
+    rest = np.zeros((1, 3))
+    Y: FloatArray = regressor(rest, GRAVITY_I_MPS2[None], rest, rest)[0]
+    return Y
 
 
 def smooth_derivatives(values: FloatArray, rate_hz: float, band_hz: tuple[float, float]) -> FloatArray:
