@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from impedance.ankle.impedance import AXES, identify, spline
+from impedance.ankle.impedance import AXES, identify
 from impedance.ankle.motion import bodies_of, motion_of
+from impedance.ankle.shapes import spline
 from impedance.ankle.table import table_of
 from impedance.ankle.trial import Perturbation
 from messages.arrays import BoolArray, FloatArray

@@ -23,12 +23,12 @@ from typing import Final
 
 import msgspec
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.signal import lfilter
 
 from impedance.ankle.mixed_model import Block, MixedFit, Prior, fit
 from impedance.ankle.motion import REFLEX_FROM_S, AnkleMotion, Bodies, bodies_of, motion_of
+from impedance.ankle.shapes import drift, hats, line_and_bend, spline
 from impedance.ankle.trial import AnkleTrial, Instruments, Perturbation
+from impedance.ankle.turns import MEAN_SPLINES
 from messages.arrays import BoolArray, FloatArray, IntArray, rms
 from messages.constants import NORMAL_95
 from messages.errors import UserError
@@ -37,12 +37,9 @@ AXES: Final = ("dorsi_plantarflexion", "inversion_eversion")
 REFLEX_TO_S: Final = 0.40
 
 _IMPEDANCE_SPLINES = 6
-_MEAN_SPLINES = 16
 _REFLEX_LAGS = 6
 _REFLEX_PHASES = 3
-_DRIFT_KNOT_S = 0.12
-_ANSWER_LAGS_S = (0.05, 0.15, 0.5)
-_ANSWER_PHASES = 3
+_CROSS_SPLINES = 4
 _DELAY_ROUNDS = 2
 _INERTIA_PLACE = (6, 4)
 """Of J_zz and J_xx about A among a body's ten parameters."""
@@ -82,6 +79,7 @@ class AxisImpedance:
 
     stiffness: Curve
     damping: Curve
+    cross_stiffness: Curve
     mean_moment: Curve
     equilibrium: Curve
     inertia_kgm2: float
@@ -142,8 +140,8 @@ def _identify_at(trial: AnkleTrial, points: int, delay_prior: Prior) -> AnkleImp
     used = _used(trial, motion)
     if not used.any() or all(kind is Perturbation.NONE for kind in trial.perturbation):
         raise UserError("events.csv: no cycle is perturbed with the foot flat; nothing tells stiffness from torque")
-    flat = trial.settings.flat_foot
-    stance = np.linspace(0.01 * flat.from_percent, 0.01 * flat.to_percent, points)
+    stance = np.linspace(0.01 * trial.settings.flat_foot.from_percent, _flat_until(trial, motion), points)
+    used &= trial.stance[motion.rows] <= stance[-1]
     try:
         first, second = (_identify_axis(trial, motion, bodies, used, axis, stance, delay_prior) for axis in range(2))
     except ValueError as error:
@@ -152,6 +150,16 @@ def _identify_at(trial: AnkleTrial, points: int, delay_prior: Prior) -> AnkleImp
     return AnkleImpedance(
         stance, motion.rows[used], (first, second), instruments.delay_s, instruments.delay_deviation_s
     )
+
+
+def _flat_until(trial: AnkleTrial, motion: AnkleMotion) -> float:
+    """Return the share of stance up to which the feet of most steps are flat."""
+    told = 0.01 * trial.settings.flat_foot.to_percent
+    if trial.heel_rise_m is None:
+        return told
+    cycle = trial.cycle[motion.rows]
+    ends = [float(trial.stance[motion.rows][cycle == c].max()) for c in np.unique(cycle)]
+    return min(told, float(np.median(ends)))
 
 
 def _used(trial: AnkleTrial, motion: AnkleMotion) -> BoolArray:
@@ -178,23 +186,32 @@ def _identify_axis(
     rows = motion.rows[used]
     s, cycle = trial.stance[rows], trial.cycle[rows]
     span = (stance[0], stance[-1])
-    x, rate = _own_turn(trial, motion, axis)[:, used]
+    x, rate = motion.turns[:, used, axis]
+    other_x, other_rate = motion.turns[:, used, 1 - axis]
     shapes = spline(s, span, _IMPEDANCE_SPLINES)
-    line, bend = _line_and_bend(_IMPEDANCE_SPLINES)
+    line, bend = line_and_bend(_IMPEDANCE_SPLINES)
     everywhere = any(kind is Perturbation.RANDOM for kind in trial.perturbation)
     smoothness = Prior.FREE if everywhere else Prior.LEARNT
-    drift_line, drift_bend = _drift(trial.t_s[rows], cycle)
+    across = spline(s, span, _CROSS_SPLINES)
+    cross_line, cross_bend = line_and_bend(_CROSS_SPLINES)
+    drift_line, drift_bend = drift(trial.t_s[rows], cycle)
     reflex = _reflex(trial, motion, axis, span)[used]
     blocks = [
         Block("stiffness_line", (shapes @ line) * x[:, None], Prior.FREE),
         Block("stiffness_bend", (shapes @ bend) * x[:, None], smoothness),
         Block("damping_line", (shapes @ line) * rate[:, None], Prior.FREE),
         Block("damping_bend", (shapes @ bend) * rate[:, None], smoothness),
-        Block("body", motion.body_columns[used, axis], Prior.UNIT),
+        Block("cross_stiffness_line", (across @ cross_line) * other_x[:, None], Prior.FREE),
+        Block("cross_stiffness_bend", (across @ cross_bend) * other_x[:, None], Prior.LEARNT),
+        Block("cross_damping", (across @ cross_line) * other_rate[:, None], Prior.LEARNT),
+        Block("plate", motion.plate_columns[used, axis], Prior.UNIT),
+        Block("foot", motion.foot_columns[used, axis], Prior.UNIT),
         Block("delay", motion.delay_columns[used, axis, None], delay_prior),
         Block("gain", motion.gain_columns[used, axis, None], Prior.CONSIDERED),
+        Block("crosstalk", motion.crosstalk_columns[used, axis, None], Prior.CONSIDERED),
         Block("lever", motion.lever_columns[used, axis], Prior.CONSIDERED),
-        Block("mean", spline(s, span, _MEAN_SPLINES), Prior.FREE),
+        Block("contact", motion.contact_columns[used, axis], Prior.CONSIDERED),
+        Block("mean", spline(s, span, MEAN_SPLINES), Prior.FREE),
         Block("drift_line", drift_line, Prior.LEARNT),
         Block("drift_bend", drift_bend, Prior.LEARNT),
         Block("reflex", reflex, Prior.LEARNT),
@@ -204,20 +221,24 @@ def _identify_axis(
     if delay_prior is Prior.UNIT:
         delay = (float(found.of("delay")[0][0]), float(found.of("delay")[1][0, 0]))
     asked = spline(stance, span, _IMPEDANCE_SPLINES)
+    asked_across = spline(stance, span, _CROSS_SPLINES)
     inertia, inertia_deviation = _foot_inertia(found, bodies, axis)
     parts = {block.name: block.X @ found.of(block.name)[0] for block in blocks if block.name in found.slices}
-    perturbed = sum(parts[name] for name in parts if name.startswith(("stiffness", "damping", "body")))
+    perturbed = sum(parts[name] for name in parts if name.startswith(("stiffness", "damping", "cross", "plate", "foot")))
     stiffness = _curve(found, "stiffness", np.hstack((asked @ line, asked @ bend)))
-    mean = spline(stance, span, _MEAN_SPLINES)
+    mean = spline(stance, span, MEAN_SPLINES)
     of_fit = np.einsum("ki,ij,kj->k", mean, found.of("mean")[1], mean)
     drift_nm = rms(parts["drift_line"] + parts["drift_bend"])
     reflex_nm = rms(parts["reflex"]) if "reflex" in parts else 0.0
     of_steps = drift_nm**2 / len(np.unique(cycle)) + reflex_nm**2
     moment = Curve(mean @ found.of("mean")[0], np.sqrt(of_fit + of_steps))
-    course = _course(trial.plate_rad[rows, axis] - trial.shank_rad[rows, axis], s, cycle, span, mean)
+    course = _course(motion.angle_rad[used, axis] - x, s, cycle, span, mean)
     return AxisImpedance(
         stiffness=stiffness,
         damping=_curve(found, "damping", np.hstack((asked @ line, asked @ bend))),
+        cross_stiffness=_curve(
+            found, "cross_stiffness", np.hstack((asked_across @ cross_line, asked_across @ cross_bend))
+        ),
         mean_moment=moment,
         equilibrium=_equilibrium(found, course, stiffness, moment, np.hstack((asked @ line, asked @ bend)), mean),
         inertia_kgm2=inertia,
@@ -234,13 +255,10 @@ def _identify_axis(
 def _course(
     angle_rad: FloatArray, s: FloatArray, cycle: IntArray, span: tuple[float, float], asked: FloatArray
 ) -> Curve:
-    """Return the mean course of an angle (n,) over stance where `asked` (k, splines), steps differing as they do."""
-    shapes = spline(s, span, _MEAN_SPLINES)
+    """Return the mean course of an angle (n,) over stance where `asked` (k, splines); steps differ, each by itself."""
+    shapes = spline(s, span, MEAN_SPLINES)
     beta = np.linalg.lstsq(shapes, angle_rad, rcond=None)[0]
-    left = angle_rad - shapes @ beta
-    counts = np.bincount(cycle)
-    offsets = np.bincount(cycle, left)[counts > 0] / counts[counts > 0]
-    deviation = float(offsets.std(ddof=1) / np.sqrt(len(offsets))) if len(offsets) > 1 else float(left.std())
+    deviation = rms(angle_rad - shapes @ beta) / float(np.sqrt(len(np.unique(cycle))))
     return Curve(asked @ beta, np.full(len(asked), deviation))
 
 
@@ -254,70 +272,6 @@ def _equilibrium(
     K, mu = stiffness.value, moment.value
     variance = (moment.deviation / K) ** 2 + (mu * stiffness.deviation / K**2) ** 2 - 2.0 * mu * shared / K**3
     return Curve(course.value - mu / K, np.sqrt(course.deviation**2 + np.maximum(variance, 0.0)))
-
-
-def _own_turn(trial: AnkleTrial, motion: AnkleMotion, axis: int) -> FloatArray:
-    """Return (2, n): x and ẋ of (1), the plate's turn minus what the shank answers to it.
-
-    The shank's angle is a mean course over the cycles, plus a slow curve of each cycle, plus the answer: the plate's
-    turn through second-order lags. Only the answer counts, so a natural step to step change of the shank is no input.
-    """
-    s, cycle = trial.stance[motion.rows], trial.cycle[motion.rows]
-    span = (float(s.min()), float(s.max()))
-    plate = motion.plate[:2, :, axis].copy()
-    plate[0] -= plate[0].mean()
-    answer = np.stack([_lagged(each, cycle, trial.settings.rate_hz) for each in plate])
-    columns: FloatArray = (answer[..., None] * _hats(s, span, _ANSWER_PHASES)[:, None, :]).reshape(2, len(s), -1)
-    line, bend = _drift(trial.t_s[motion.rows], cycle)
-    found = fit(
-        motion.shank[0, :, axis],
-        [
-            Block("answer", columns[0], Prior.LEARNT),
-            Block("course", spline(s, span, _MEAN_SPLINES), Prior.FREE),
-            Block("drift_line", line, Prior.LEARNT),
-            Block("drift_bend", bend, Prior.LEARNT),
-        ],
-        cycle,
-    )
-    turn: FloatArray = plate - columns @ found.of("answer")[0]
-    return turn
-
-
-def _lagged(values: FloatArray, cycle: IntArray, rate_hz: float) -> FloatArray:
-    """Return (n, 2 lags): values (n,) through 1 / (1 + T p) and 1 / (1 + T p)², p = d/dt, every cycle from rest."""
-    columns = np.zeros((len(values), 2 * len(_ANSWER_LAGS_S)))
-    for c in np.unique(cycle):
-        rows = np.flatnonzero(cycle == c)
-        for place, lag_s in enumerate(_ANSWER_LAGS_S):
-            keep = np.exp(-1.0 / (lag_s * rate_hz))
-            once = lfilter([1.0 - keep], [1.0, -keep], values[rows])
-            columns[rows, 2 * place] = once
-            columns[rows, 2 * place + 1] = lfilter([1.0 - keep], [1.0, -keep], once)
-    return columns
-
-
-def _hats(s: FloatArray, span: tuple[float, float], count: int) -> FloatArray:
-    """Return `count` linear hat functions over `span`, at (n,): (n, count), each row adding up to 1."""
-    place = (s - span[0]) / (span[1] - span[0]) * (count - 1)
-    hats: FloatArray = np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(count)))
-    return hats
-
-
-def _drift(t_s: FloatArray, cycle: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return the columns of every cycle's slow curve: level and slope, and bends."""
-    lines: list[FloatArray] = []
-    bends: list[FloatArray] = []
-    for c in np.unique(cycle):
-        rows = np.flatnonzero(cycle == c)
-        t = t_s[rows]
-        count = max(4, 3 + round((t[-1] - t[0]) / _DRIFT_KNOT_S))
-        shapes = spline(t, (t[0], t[-1]), count)
-        line, bend = _line_and_bend(count)
-        for columns, part in ((lines, shapes @ line), (bends, shapes @ bend)):
-            whole = np.zeros((len(t_s), part.shape[1]))
-            whole[rows] = part
-            columns.append(whole)
-    return np.hstack(lines), np.hstack(bends)
 
 
 def _reflex(trial: AnkleTrial, motion: AnkleMotion, axis: int, span: tuple[float, float]) -> FloatArray:
@@ -335,22 +289,16 @@ def _reflex(trial: AnkleTrial, motion: AnkleMotion, axis: int, span: tuple[float
             for lag in range(_REFLEX_LAGS):
                 past[rows, place * _REFLEX_LAGS + lag] = np.convolve(signed, kernel[:, lag])[: len(rate)]
     past = past[motion.rows]
-    hats = _hats(trial.stance[motion.rows], span, _REFLEX_PHASES)
-    columns: FloatArray = (past[:, :, None] * hats[:, None, :]).reshape(len(past), -1)
+    shares = hats(trial.stance[motion.rows], span, _REFLEX_PHASES)
+    columns: FloatArray = (past[:, :, None] * shares[:, None, :]).reshape(len(past), -1)
     return columns
 
 
 def _foot_inertia(found: MixedFit, bodies: Bodies, axis: int) -> tuple[float, float]:
-    """Return the foot's moment about A and its deviation: what the data say of plate plus foot, shared by
-    covariance."""
-    total = bodies.plate_covariance + bodies.foot_covariance
-    root = bodies.root
-    beta, covariance = found.of("body")
-    gain = bodies.foot_covariance @ np.linalg.pinv(total, rcond=1e-13, hermitian=True)
-    moved = bodies.foot + gain @ root @ beta
-    left = bodies.foot_covariance - gain @ (total - root @ covariance @ root.T) @ gain.T
-    place = _INERTIA_PLACE[axis]
-    return float(moved[place]), float(np.sqrt(max(left[place, place], 0.0)))
+    """Return the foot's moment about A and its deviation: what was known of the foot and what the data say of it."""
+    root, place = bodies.roots[1][_INERTIA_PLACE[axis]], _INERTIA_PLACE[axis]
+    beta, covariance = found.of("foot")
+    return float(bodies.foot[place] + root @ beta), float(np.sqrt(root @ covariance @ root))
 
 
 def _curve(found: MixedFit, name: str, shapes: FloatArray) -> Curve:
@@ -358,18 +306,3 @@ def _curve(found: MixedFit, name: str, shapes: FloatArray) -> Curve:
     rows = slice(found.slices[f"{name}_line"].start, found.slices[f"{name}_bend"].stop)
     variance = np.einsum("ki,ij,kj->k", shapes, found.covariance[rows, rows], shapes)
     return Curve(shapes @ found.beta[rows], np.sqrt(variance))
-
-
-def spline(at: FloatArray, span: tuple[float, float], count: int) -> FloatArray:
-    """Return `count` cubic B-splines with even knots over `span`, at (n,): (n, count), each row adding up to 1."""
-    step = (span[1] - span[0]) / (count - 3)
-    knots = span[0] + step * np.arange(-3, count + 1)
-    shapes: FloatArray = BSpline.design_matrix(np.clip(at, knots[3], knots[-4]), knots, 3).toarray()
-    return shapes
-
-
-def _line_and_bend(count: int) -> tuple[FloatArray, FloatArray]:
-    """Return (count, 2) and (count, count − 2): coefficients of level and slope, and of unit second differences."""
-    line = np.column_stack((np.ones(count), np.linspace(-1.0, 1.0, count)))
-    second = np.diff(np.eye(count), n=2, axis=0)
-    return line, second.T @ np.linalg.inv(second @ second.T)

@@ -1,36 +1,32 @@
 """From a trial's samples to what the ankle's equations need: smooth motion, and the moment about the ankle.
 
-The sensor and the shank hold plate and foot, rigid in P while the foot is flat. About the ankle's centre A, in P:
+The sensor and the shank hold plate and foot, the foot flat. About where the ankle's centre A was measured, in P:
 
-    M_A = T − r × f = Y_T(motion) π − M_shank − δr × f_shank,   f_shank = Y_f(motion) π − f                       (1)
+    M = T − r × f = (Y_P − Y⁰) π_P + Y_F π_F − M_shank − (s + δr) × f_shank,   f_shank = (…)_f − f                (1)
 
-r is A in P as told, δr its error, π the ten parameters of plate plus foot about A, and Y the regressor of a rigid body.
+r is A in P as told, δr its error, s = e × (A − C) by how much shoe and heel pad have moved it, where the foot has
+turned by e about C; π_P, π_F are the ten parameters of plate and foot about A, Y the regressor of a rigid body in its
+own motion, and Y⁰ that of a level one at rest, for the tare took the plate's weight.
 """
 
 from dataclasses import dataclass
-from functools import cache
 from typing import Final
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from impedance.ankle.smoothing import PLATE_BAND_HZ, SHANK_BAND_HZ, smooth_derivatives
 from impedance.ankle.trial import AnkleTrial, BodyPrior, Perturbation, TrialSettings, in_flat_foot
+from impedance.ankle.turns import own_turns, slip_of
 from impedance.body.geometry import GRAVITY_I_MPS2, angular_acceleration, angular_velocity, rotation_IP
 from impedance.body.rigid_body import Inertia, regressor
+from impedance.identification.considered import root_of
+from impedance.identification.mechanism import level_rest
 from impedance.identification.propagation import propagated
 from messages.arrays import FloatArray, IntArray
 
-PLATE_BAND_HZ: Final = (42.0, 65.0)
-"""What passes whole and what is stopped of the plate's motion."""
-
-SHANK_BAND_HZ: Final = (12.0, 30.0)
-"""The same of the shank's, which is slower and measured worse."""
-
 REFLEX_FROM_S: Final = 0.095
 """After a muscle is stretched its reflex begins to turn the ankle."""
-
-_HALF_S: Final = 0.06
-_STOP_WEIGHT: Final = 1e-3
 
 
 @dataclass(frozen=True)
@@ -43,32 +39,34 @@ class Bodies:
     foot_covariance: FloatArray
 
     @property
-    def root(self) -> FloatArray:
-        """Return S (10, 10) with S Sᵀ the covariance of both bodies' sum."""
-        values, vectors = np.linalg.eigh(self.plate_covariance + self.foot_covariance)
-        root: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
-        return root
+    def roots(self) -> tuple[FloatArray, FloatArray]:
+        """Return S (10, 10) of plate and foot with S Sᵀ the covariance."""
+        return root_of(self.plate_covariance), root_of(self.foot_covariance)
 
 
 @dataclass(frozen=True)
 class AnkleMotion:
     """n samples with the foot flat; `rows` (n,) are their places in the trial.
 
-    `plate`, `shank` (3, n, 2): angle, rate and acceleration about Z and X; `all_rates` (N, 2) the plate's rates at all
-    samples of the trial; `moment` (n, 2): M_A of (1) about Z and X minus what the expected bodies need;
-    `body_columns` (n, 2, 10) of one standard deviation each of π; `lever_columns` (n, 2, 3) of δr;
-    `gain_columns` and `delay_columns` (n, 2) of the wrench's gain and of its delay beyond the one stated, which is
-    taken out.
+    `turns` (2, n, 2): x and ẋ, the ankle's turn away from its own course and the rate, about Z and X; `angle_rad`
+    (n, 2) is that of foot against shank; `all_rates` (N, 2) the plate's rates at all samples of the trial; `moment`
+    (n, 2): −M_shank of (1) about Z and X with the expected bodies; `plate_columns`, `foot_columns` (n, 2, 10) of one
+    standard deviation each of π_P and π_F; `lever_columns` and `contact_columns` (n, 2, 3) of δr and of the error of C;
+    `gain_columns`, `crosstalk_columns` and `delay_columns` (n, 2) of the wrench's gain, of what one moment makes of the
+    other, and of its delay beyond the one stated, which is taken out.
     """
 
     rows: IntArray
-    plate: FloatArray
-    shank: FloatArray
+    turns: FloatArray
+    angle_rad: FloatArray
     all_rates: FloatArray
     moment: FloatArray
-    body_columns: FloatArray
+    plate_columns: FloatArray
+    foot_columns: FloatArray
     lever_columns: FloatArray
+    contact_columns: FloatArray
     gain_columns: FloatArray
+    crosstalk_columns: FloatArray
     delay_columns: FloatArray
 
 
@@ -89,7 +87,9 @@ def motion_of(trial: AnkleTrial, bodies: Bodies) -> AnkleMotion:
         shank[:, own] = smooth_derivatives(trial.shank_rad[own], settings.rate_hz, SHANK_BAND_HZ)
     rows = np.flatnonzero(in_flat_foot(trial))
     all_rates = plate[1]
+    slip = slip_of(trial, plate, rows)
     A = np.array(settings.ankle.in_plate_m)
+    C = A * (1.0, 0.0, 1.0) if settings.contact is None else np.array(settings.contact.in_plate_m)
     instruments = settings.instruments
     all_wrench, measured_rate = np.empty_like(trial.wrench), np.empty((len(trial.t_s), 2))
     axes = [2, 0]
@@ -99,24 +99,42 @@ def motion_of(trial: AnkleTrial, bodies: Bodies) -> AnkleMotion:
         all_wrench[own] = trial.wrench[own] + later
         measured_rate[own] = (rate[:, 3:] - np.cross(A, rate[:, :3]))[:, axes]
     plate, shank, wrench = plate[:, rows], shank[:, rows], all_wrench[rows]
-    Y = regressor(*_motion_of_A(plate, settings.joint_to_surface_m, A))
-    tared = level_rest(A)
-    need = Y @ (bodies.plate + bodies.foot) - tared @ bodies.plate
-    moment = wrench[:, 3:] - np.cross(A, wrench[:, :3]) - need[:, 3:]
-    f_shank = need[:, :3] - wrench[:, :3]
-    levers = -np.cross(np.eye(3)[:, None], f_shank).transpose(1, 2, 0)  # −e × f_shank, (n, axis, e)
+    turned, given = _vector(slip.angle), _vector(slip.answer[2])
+    L_m = settings.joint_to_surface_m
+    Y_plate = regressor(*_motion_of_A(plate, L_m, A)) - level_rest()
+    foot = plate + np.concatenate((slip.angle[None], slip.answer[1:]))
+    _, *turning = _motion_of_A(foot, L_m, A)
+    Y_foot = regressor(_motion_of_A(plate, L_m, A)[0] + np.cross(given, A - C), *turning)
+    need = Y_plate @ bodies.plate + Y_foot @ bodies.foot
     whole = wrench[:, 3:] - np.cross(A, wrench[:, :3])
+    f_shank = need[:, :3] - wrench[:, :3]
+    moment = whole - need[:, 3:] + np.cross(np.cross(turned, A - C), f_shank)
+    units = np.eye(3)[:, None]
+    levers = -np.cross(units, f_shank).transpose(1, 2, 0)  # −e × f_shank, (n, axis, e)
+    contacts = np.cross(np.cross(turned, units), f_shank).transpose(1, 2, 0)
+    roots = bodies.roots
+    seen_rad = trial.plate_rad if trial.foot_rad is None else trial.foot_rad
     return AnkleMotion(
         rows=rows,
-        plate=plate,
-        shank=shank,
+        turns=own_turns(trial, rows, plate, shank[0], slip),
+        angle_rad=(seen_rad - trial.shank_rad)[rows],
         all_rates=all_rates,
         moment=moment[:, axes],
-        body_columns=(Y @ bodies.root)[:, 3:][:, axes],
+        plate_columns=(Y_plate @ roots[0])[:, 3:][:, axes],
+        foot_columns=(Y_foot @ roots[1])[:, 3:][:, axes],
         lever_columns=settings.ankle.deviation_m * levers[:, axes],
+        contact_columns=(0.02 if settings.contact is None else settings.contact.deviation_m) * contacts[:, axes],
         gain_columns=instruments.gain_deviation_share * whole[:, axes],
+        crosstalk_columns=instruments.crosstalk_deviation_share * whole[:, axes[::-1]],
         delay_columns=-instruments.delay_deviation_s * measured_rate[rows],
     )
+
+
+def _vector(about_z_and_x: FloatArray) -> FloatArray:
+    """Return a small turn (n, 2) about Z and X as a vector (n, 3)."""
+    vector = np.zeros((len(about_z_and_x), 3))
+    vector[:, [2, 0]] = about_z_and_x
+    return vector
 
 
 def _later(trial: AnkleTrial, cycle: int) -> tuple[FloatArray, FloatArray]:
@@ -136,50 +154,6 @@ def _later(trial: AnkleTrial, cycle: int) -> tuple[FloatArray, FloatArray]:
             at_s = np.clip(t_s[part] + trial.settings.instruments.delay_s, t_s[part][0], t_s[part][-1])
             later[part] = CubicSpline(t_s[part], slow)(at_s) - slow
     return later, rate
-
-
-def level_rest(A: FloatArray) -> FloatArray:
-    """Return Y⁰ (6, 10) about A of a body that rests on the level plate: what the tare took of the plate."""
-    rest = np.zeros((1, 3))
-    Y: FloatArray = regressor(rest, GRAVITY_I_MPS2[None], rest, rest)[0]
-    return Y
-
-
-def smooth_derivatives(values: FloatArray, rate_hz: float, band_hz: tuple[float, float]) -> FloatArray:
-    """Return values (n, k), their first and second derivatives (3, n, k), without phase: exact up to `band_hz[0]`,
-    nothing above `band_hz[1]`. Beyond both ends the values count as a straight line.
-    """
-    half = round(_HALF_S * rate_hz)
-    slope = (values[-1] - values[-2], values[0] - values[1])
-    steps = np.arange(1, half + 1)[:, None]
-    padded = np.vstack((values[0] + steps[::-1] * slope[1], values, values[-1] + steps * slope[0]))
-    kernels = _kernels(rate_hz, half, band_hz)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=0)
-    derivatives: FloatArray = np.einsum("nkw,dw->dnk", windows, kernels)
-    return derivatives
-
-
-@cache
-def _kernels(rate_hz: float, half: int, band_hz: tuple[float, float]) -> FloatArray:
-    """Return (3, 2 half + 1): weights of the samples that give the value and two derivatives, by least squares in
-    frequency: (jω)^d in the pass band, 0 in the stop band.
-    """
-    taps = np.arange(-half, half + 1) / rate_hz
-    stop_hz = min(band_hz[1], 0.45 * rate_hz)
-    passed = 2.0 * np.pi * np.linspace(0.0, min(band_hz[0], 0.8 * stop_hz), 4 * half)
-    stopped = 2.0 * np.pi * np.linspace(stop_hz, 0.5 * rate_hz, 8 * half)
-    w = np.concatenate((passed, stopped))
-    weight = np.concatenate((np.ones(len(passed)), np.full(len(stopped), _STOP_WEIGHT)))
-    kernels = np.empty((3, len(taps)))
-    for order in range(3):
-        phase = np.cos if order % 2 == 0 else np.sin
-        sign = -1.0 if order == 2 else 1.0
-        target = np.where(w <= passed[-1], sign * w**order, 0.0) * weight
-        scale = passed[-1] ** order
-        kernels[order] = (
-            scale * np.linalg.lstsq(weight[:, None] * phase(np.outer(w, taps)), target / scale, rcond=1e-9)[0]
-        )
-    return kernels
 
 
 def _motion_of_A(

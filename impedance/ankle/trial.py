@@ -1,15 +1,17 @@
 """A human trial on the vibrating platform: some cycles of stance on one slope and in one manoeuvre, as a folder.
 
 - `trial.toml`: the settings (`TrialSettings`);
-- `cycles.csv`: the samples, one row each, columns `COLUMNS`;
+- `cycles.csv`: the samples, one row each, columns `COLUMNS` and, where the foot's markers were seen, `FOOT_COLUMNS`;
 - `events.csv`: one row per cycle: `cycle, perturbation, onset_s`; none, ramp or random; the onset on the cycle's t_s.
 
 Plate angles are θ and φ of R_IP = Rz(θ) Rx(φ), so θ holds the slope; the shank's are its turns about Z and X from
-upright. The wrench is the one that the platform exerts, in P, about P's origin. The foot stands flat on the plate
-between the two shares of stance that the settings tell: there the foot turns with the plate, and only there is
-anything estimated.
+upright, the foot's those from where it stood in P when the ankle's centre was measured. The wrench is the one that the
+platform exerts, in P, about P's origin, tared with the bare plate level. The foot stands flat on the plate between the
+two shares of stance that the settings tell, and before its heel rises: only there is anything estimated. Where the foot
+was not seen it counts as turning with the plate.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -20,7 +22,7 @@ import numpy as np
 
 from impedance.body.geometry import PLATFORM_GRAVITY_MPS2
 from impedance.recording.plain_files import read_table, read_toml, write_table, write_toml
-from impedance.recording.table import read_columns, write_columns
+from impedance.recording.table import has_columns, read_columns, write_columns
 from messages.arrays import BoolArray, FloatArray, IntArray
 from messages.checked import checked
 from messages.errors import UserError
@@ -29,27 +31,31 @@ COLUMNS: Final = (
     *("cycle", "t_s", "stance_percent", "plate_theta_rad", "plate_phi_rad", "shank_theta_rad", "shank_phi_rad"),
     *("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"),
 )
+FOOT_COLUMNS: Final = ("foot_theta_rad", "foot_phi_rad", "heel_rise_m")
 EVENT_COLUMNS: Final = ("cycle", "perturbation", "onset_s")
 
 Length = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
 Moment = Annotated[float, msgspec.Meta(ge=-10.0, le=10.0)]
 Deviation = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]
+Known = Annotated[float, msgspec.Meta(gt=0.0, le=1e5)]
 Percent = Annotated[float, msgspec.Meta(ge=0.0, le=100.0)]
 
 _LARGEST_ANGLE_RAD = 1.0
 _WEIGHT_SHARE = (0.2, 2.0)
 _STEP_TOLERANCE = 0.05
 _LEAST_SAMPLES = 50
+_LARGEST_HEEL_RISE_M = 0.3
 
 
 class Manoeuvre(Enum):
-    """What the person does on the plate."""
+    """What is done on the plate; `mockup`: springs and dampers of known values stand there, nobody."""
 
     STANDING = "standing"
     STRAIGHT = "straight"
     STEP_TURN = "step_turn"
     SPIN_TURN = "spin_turn"
     SIDESTEP = "sidestep"
+    MOCKUP = "mockup"
 
 
 class Perturbation(Enum):
@@ -68,10 +74,14 @@ class Subject(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class FlatFoot(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The share of stance, heel strike 0 to toe off 100, in which the foot stands flat on the plate."""
+    """The share of stance, heel strike 0 to toe off 100, in which the foot stands flat on the plate.
+
+    Where the heel was seen, a step's foot is no longer flat once it has risen by `heel_rise_m`.
+    """
 
     from_percent: Percent
     to_percent: Percent
+    heel_rise_m: Annotated[float, msgspec.Meta(gt=0.0, le=0.1)] = 0.005
 
 
 class Ankle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -79,6 +89,20 @@ class Ankle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     in_plate_m: tuple[Length, Length, Length]
     deviation_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.05)]
+
+
+class Contact(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """About which point of P the flat foot turns against the plate as shoe and heel pad give way, and its deviation."""
+
+    in_plate_m: tuple[Length, Length, Length]
+    deviation_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.1)] = 0.02
+
+
+class Mockup(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What stands on the plate instead of a person: known stiffness and damping about Z and X."""
+
+    stiffness_nm_per_rad: tuple[Known, Known]
+    damping_nms_per_rad: tuple[Known, Known]
 
 
 class BodyPrior(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -98,17 +122,18 @@ class BodyPrior(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Instruments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What is known of the wrench's delay behind the motion, and one standard deviation of it and of the gain.
 
-    Where a spring or a weight of known inertia stood on the plate before, its identification tells the delay
-    (`force_delay`), to be put here with its deviation.
+    Where a weight stood on the plate before, the finder's explanation of it tells the delay (`force_delay`,
+    impedance.ankle.inherited). `crosstalk_deviation_share` is that of either moment in the other.
     """
 
     delay_s: Annotated[float, msgspec.Meta(ge=-0.02, le=0.02)] = 0.0
     delay_deviation_s: Annotated[float, msgspec.Meta(ge=0.0, le=0.01)] = 0.001
     gain_deviation_share: Annotated[float, msgspec.Meta(ge=0.0, le=0.5)] = 0.005
+    crosstalk_deviation_share: Annotated[float, msgspec.Meta(ge=0.0, le=0.5)] = 0.005
 
 
-class TrialSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What `trial.toml` holds."""
+class TrialSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """What `trial.toml` holds; without `contact` the foot turns about the point of the surface below the ankle."""
 
     manoeuvre: Manoeuvre
     ground_slope_deg: Annotated[float, msgspec.Meta(ge=-30.0, le=30.0)]
@@ -120,6 +145,8 @@ class TrialSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     plate: BodyPrior
     foot: BodyPrior
     instruments: Instruments = Instruments()
+    contact: Contact | None = None
+    mockup: Mockup | None = None
 
 
 @dataclass(frozen=True)
@@ -128,7 +155,8 @@ class AnkleTrial:
 
     `cycle` (n,) counts from 0; `t_s`, `stance` (n,), 0 at heel strike and 1 at toe off; `plate_rad` (n, 2) is (θ, φ),
     `shank_rad` (n, 2) likewise about Z and X; `wrench` (n, 6) is (f, T). Of each cycle: `perturbation` and `onset_s`
-    (c,), NaN where there is none.
+    (c,), NaN where there is none. `foot_rad` (n, 2) and `heel_rise_m` (n,), the heel's height above where it stands in
+    P, are None where the foot was not seen.
     """
 
     settings: TrialSettings
@@ -140,6 +168,8 @@ class AnkleTrial:
     wrench: FloatArray
     perturbation: tuple[Perturbation, ...]
     onset_s: FloatArray
+    foot_rad: FloatArray | None = None
+    heel_rise_m: FloatArray | None = None
 
     def rows_of(self, cycle: int) -> slice:
         """Return the samples of one cycle."""
@@ -152,7 +182,8 @@ def load_trial(folder: Path) -> AnkleTrial:
     settings_path, cycles_path, events_path = (folder / n for n in ("trial.toml", "cycles.csv", "events.csv"))
     settings = checked(read_toml(settings_path), TrialSettings, str(settings_path))
     _check_settings(settings, settings_path)
-    rows = _numbers(cycles_path)
+    columns = has_columns(cycles_path, FOOT_COLUMNS)
+    rows = _numbers(cycles_path, (*COLUMNS, *FOOT_COLUMNS) if columns else COLUMNS)
     events = read_table(events_path, EVENT_COLUMNS)
     names, cycle = np.unique(rows[:, 0], return_inverse=True)
     trial = AnkleTrial(
@@ -160,6 +191,7 @@ def load_trial(folder: Path) -> AnkleTrial:
         cycle.astype(np.int64).reshape(-1),
         *(rows[:, 1], 0.01 * rows[:, 2], rows[:, 3:5], rows[:, 5:7], rows[:, 7:13]),
         *_events(events_path, events, names),
+        *((rows[:, 13:15], rows[:, 15]) if columns else ()),
     )
     _check_samples(trial, rows[:, 0], cycles_path)
     _check_onsets(trial, events_path)
@@ -178,7 +210,10 @@ def save_trial(folder: Path, trial: AnkleTrial) -> None:
     write_toml(folder / "trial.toml", msgspec.to_builtins(trial.settings))
     motion = (trial.plate_rad, trial.shank_rad, trial.wrench)
     rows = np.column_stack((trial.cycle + 1.0, trial.t_s, 100.0 * trial.stance, *motion))
-    write_columns(folder / "cycles.csv", COLUMNS, rows)
+    columns = COLUMNS
+    if trial.foot_rad is not None and trial.heel_rise_m is not None:
+        rows, columns = np.column_stack((rows, trial.foot_rad, trial.heel_rise_m)), (*COLUMNS, *FOOT_COLUMNS)
+    write_columns(folder / "cycles.csv", columns, rows)
     events = enumerate(zip(trial.perturbation, trial.onset_s.tolist(), strict=True), start=1)
     write_table(
         folder / "events.csv",
@@ -187,12 +222,12 @@ def save_trial(folder: Path, trial: AnkleTrial) -> None:
     )
 
 
-def _numbers(path: Path) -> FloatArray:
-    rows = read_columns(path, COLUMNS)
+def _numbers(path: Path, columns: Sequence[str]) -> FloatArray:
+    rows = read_columns(path, columns)
     wrong = np.argwhere(~np.isfinite(rows))
     if len(wrong):
         row, column = wrong[0].tolist()
-        raise UserError(f"{path}: row {row + 2}: {COLUMNS[column]} is not finite; leave the whole cycle out")
+        raise UserError(f"{path}: row {row + 2}: {columns[column]} is not finite; leave the whole cycle out")
     return rows
 
 
@@ -225,6 +260,8 @@ def _check_settings(settings: TrialSettings, path: Path) -> None:
             f"{path}: flat_foot.to_percent is {flat.to_percent:g}, allowed from {flat.from_percent + 10.0:g} to 100: "
             "at least 10 % of stance"
         )
+    if (settings.mockup is None) == (settings.manoeuvre is Manoeuvre.MOCKUP):
+        raise UserError(f'{path}: manoeuvre "mockup" needs the table [mockup], and the other way round')
 
 
 def _check_samples(trial: AnkleTrial, name: FloatArray, path: Path) -> None:
@@ -250,7 +287,14 @@ def _check_samples(trial: AnkleTrial, name: FloatArray, path: Path) -> None:
             f"{path}: cycle {name[np.searchsorted(trial.cycle, counts.argmin())]:g} has {counts.min()} samples, "
             f"allowed from {_LEAST_SAMPLES}"
         )
-    for column, values in zip(COLUMNS[3:7], np.hstack((trial.plate_rad, trial.shank_rad)).T, strict=True):
+    if trial.heel_rise_m is not None and np.abs(trial.heel_rise_m).max() > _LARGEST_HEEL_RISE_M:
+        raise UserError(
+            f"{path}: heel_rise_m reaches {np.abs(trial.heel_rise_m).max():.4g}, allowed ±{_LARGEST_HEEL_RISE_M:g} m: "
+            "millimetres, or not from where the heel stands?"
+        )
+    angles = [trial.plate_rad, trial.shank_rad, *([] if trial.foot_rad is None else [trial.foot_rad])]
+    names = (*COLUMNS[3:7], *FOOT_COLUMNS[:2])
+    for column, values in zip(names, np.hstack(angles).T, strict=False):
         if np.abs(values).max() > _LARGEST_ANGLE_RAD:
             raise UserError(
                 f"{path}: {column} reaches {np.abs(values).max():.4g}, allowed ±{_LARGEST_ANGLE_RAD:g} rad: degrees?"
@@ -276,6 +320,11 @@ def _check_onsets(trial: AnkleTrial, path: Path) -> None:
 
 
 def in_flat_foot(trial: AnkleTrial) -> BoolArray:
-    """Return (n,) where the foot stands flat on the plate."""
+    """Return (n,) where the foot stands flat on the plate, of each step up to where its heel rises."""
     flat = trial.settings.flat_foot
-    return (trial.stance >= 0.01 * flat.from_percent) & (trial.stance <= 0.01 * flat.to_percent)
+    told: BoolArray = (trial.stance >= 0.01 * flat.from_percent) & (trial.stance <= 0.01 * flat.to_percent)
+    if trial.heel_rise_m is None:
+        return told
+    up = told & (trial.heel_rise_m > flat.heel_rise_m)
+    risen = np.concatenate([np.cumsum(up[trial.rows_of(c)]) > 0 for c in range(len(trial.perturbation))])
+    return told & ~risen

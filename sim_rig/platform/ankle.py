@@ -1,13 +1,14 @@
 """A person on the vibrating platform: cycles of stance, perturbed, and what the sensors make of them.
 
 The truth is made without any of the estimator's equations: the shank answers the ankle's moments by its own equation of
-motion; the reflex is a half-wave rectified stretch rate, 0.1 s late, through muscle dynamics; balance is a late
-feedback of the shank's sway; the wrench on the sensor is the rate of change of the momenta of plate and foot,
-differentiated numerically at four times the sampling rate, minus weight and what the shank does at the ankle.
+motion, and so does the foot on shoe and heel pad, where there is a shoe; the reflex is a half-wave rectified stretch
+rate, 0.1 s late, through muscle dynamics; balance is a late feedback of the shank's sway; the wrench on the sensor is
+the rate of change of the momenta of plate and foot, differentiated numerically at four times the sampling rate, minus
+weight and what the shank does at the ankle, wherever shoe and heel have taken it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -26,7 +27,7 @@ from impedance.ankle.trial import (
 )
 from impedance.body.geometry import GRAVITY_I_MPS2
 from messages.arrays import BoolArray, FloatArray, IntArray
-from sim_rig.platform.ankle_person import Person
+from sim_rig.platform.ankle_person import Person, Shoe
 from sim_rig.platform.rig import MOTION_HZ, PLATE, THESIS_NOISE
 
 FLAT_FOOT: Final = (0.10, 0.80)
@@ -45,6 +46,8 @@ _SLOW_BAND_HZ: Final = (0.2, 2.0)
 _SLOW_MOMENT_PER_KG: Final = np.array([0.03, 0.01])
 _SLOW_SHANK_RAD: Final = 0.008
 _SLOW_FORCE_SHARE: Final = 0.02
+_HEEL_OFF_DIFFERS: Final = 0.02
+_HEEL_RISE_RAD: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,8 @@ class AnkleNoise:
 
     plate_rad: float = THESIS_NOISE.angle_rad
     shank_rad: float = 3e-4
+    foot_rad: float = 3e-4
+    heel_m: float = 1e-4
     force_n: float = THESIS_NOISE.force_n
     torque_nm: float = THESIS_NOISE.torque_nm
     snr_db: float | None = None
@@ -67,6 +72,7 @@ AT_15_DB: Final = AnkleNoise(snr_db=15.0)
 class AnkleRun:
     """Noise-free cycles at 350 Hz, one after the other (n samples), and the truth about them.
 
+    `foot_rad` (n, 2) is the foot's angle, the plate's without a shoe, and `heel_rise_m` (n,) how far its heel rose;
     `turn`, `rate` (n, 2): x and ẋ of the ankle against its own course, `acceleration` (n, 2) of the plate;
     `intrinsic_nm` (n, 2) = K x + B ẋ + I θ̈, I the foot's moment about the ankle `foot_about_ankle_kgm2` (2,);
     `flat` (n,) where it counts.
@@ -82,6 +88,8 @@ class AnkleRun:
     wrench: FloatArray
     perturbation: tuple[Perturbation, ...]
     onset_s: FloatArray
+    foot_rad: FloatArray
+    heel_rise_m: FloatArray
     turn: FloatArray
     rate: FloatArray
     acceleration: FloatArray
@@ -112,17 +120,22 @@ def walk(person: Person, plan: Sequence[Perturbation], seed: int, slope_deg: flo
     plate = slope + _plate_motion(plan, onset_s, t, stance, rng)
     plate_rate, plate_acceleration = _derivative(plate, dt), _derivative(_derivative(plate, dt), dt)
 
-    K, B = person.stiffness(stance), person.damping(stance)
-    sway, turn, rate, late = _answered(person, plate - slope, plate_rate, K, B, stance, dt)
-    intrinsic = K * turn + B * rate
-    slow = _slow(rng, t, count, 2) * person.mass_kg * _SLOW_MOMENT_PER_KG
+    answer = _answered(person, plate - slope, plate_rate, stance, dt)
+    sway, turn, rate = answer.sway, answer.turn, answer.rate
+    slow = _slow(rng, t, count, 2) * person.restless * person.mass_kg * _SLOW_MOMENT_PER_KG
     fatigue = np.linspace(-1.0, 1.0, count)[:, None, None] * 0.02 * person.usual_moment(np.clip(stance, 0.0, 1.0))
     contact = np.clip(stance, 0.0, 1.0)
-    on_foot = -(person.usual_moment(contact) + fatigue + slow + intrinsic + late)
-    natural = _SLOW_SHANK_RAD * _slow(rng, t, count, 2)
+    on_foot = -(person.usual_moment(contact) + fatigue + slow + answer.moment)
+    natural = person.restless * _SLOW_SHANK_RAD * _slow(rng, t, count, 2)
     shank = person.usual_shank(contact) + natural + sway
-    push = person.usual_force(contact) * (1.0 + _SLOW_FORCE_SHARE * _slow(rng, t, count, 3))
-    wrench = _sensed(person, plate, push, on_foot, dt)
+    push = person.usual_force(contact) * (1.0 + person.restless * _SLOW_FORCE_SHARE * _slow(rng, t, count, 3))
+    slip, rise = np.zeros(plate.shape), np.zeros(plate.shape)
+    heel_m = np.zeros(stance.shape)
+    if person.shoe is not None:
+        slip = answer.slip - (person.usual_moment(contact) + fatigue + slow) / person.shoe.stiffness
+        rise[..., 0] = _heel_rise(person.shoe, stance, rng)
+        heel_m = (person.shoe.heel_m - person.shoe.ball_m) * np.sin(rise[..., 0]) + person.shoe.heel_m * slip[..., 0]
+    wrench = _sensed(person, plate, slip, rise, push, on_foot, dt)
     inertia = _about(person.ankle_P_m, person.foot_kg, person.foot_cog_P_m, person.foot_kgm2)
 
     taken = np.zeros(stance.shape, dtype=np.bool_)
@@ -141,10 +154,12 @@ def walk(person: Person, plan: Sequence[Perturbation], seed: int, slope_deg: flo
         wrench=wrench[taken],
         perturbation=tuple(plan),
         onset_s=np.where(ramp, onset_s, np.nan),
+        foot_rad=(plate + slip + rise)[taken],
+        heel_rise_m=heel_m[taken],
         turn=turn[taken],
         rate=rate[taken],
         acceleration=plate_acceleration[taken],
-        intrinsic_nm=(intrinsic + inertia * plate_acceleration)[taken],
+        intrinsic_nm=(answer.intrinsic + inertia * plate_acceleration)[taken],
         foot_about_ankle_kgm2=inertia,
         flat=(stance[taken] >= FLAT_FOOT[0]) & (stance[taken] <= FLAT_FOOT[1]),
     )
@@ -158,7 +173,7 @@ def measured(run: AnkleRun, noise: AnkleNoise, seed: int) -> AnkleTrial:
         signal = np.sqrt((run.intrinsic_nm[run.perturbed] ** 2).mean(axis=0))
         torque_nm[[2, 0]] = signal / 10.0 ** (noise.snr_db / 20.0)
     deviations = np.concatenate((np.full(3, noise.force_n), torque_nm))
-    return AnkleTrial(
+    trial = AnkleTrial(
         settings=run.settings,
         cycle=run.cycle,
         t_s=run.t_s,
@@ -168,6 +183,13 @@ def measured(run: AnkleRun, noise: AnkleNoise, seed: int) -> AnkleTrial:
         wrench=run.wrench + deviations * rng.standard_normal(run.wrench.shape),
         perturbation=run.perturbation,
         onset_s=run.onset_s,
+    )
+    if run.person.shoe is None:
+        return trial
+    return replace(
+        trial,
+        foot_rad=run.foot_rad + noise.foot_rad * rng.standard_normal(run.foot_rad.shape),
+        heel_rise_m=run.heel_rise_m + noise.heel_m * rng.standard_normal(len(run.t_s)),
     )
 
 
@@ -242,62 +264,99 @@ def _slow(rng: np.random.Generator, t: FloatArray, cycles: int, channels: int) -
     return _band(rng, t, cycles, channels, _SLOW_BAND_HZ)
 
 
-def _answered(
-    person: Person,
-    plate: FloatArray,
-    plate_rate: FloatArray,
-    K: FloatArray,
-    B: FloatArray,
-    stance: FloatArray,
-    dt: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the shank's sway, the ankle's turn and rate, reflex plus balance (c, n, 2).
+@dataclass(frozen=True)
+class _Answer:
+    """What plate and body do to each other, (c, n, 2): the shank's `sway`, the foot's `slip` on its shoe, the ankle's
+    `turn` and `rate`, its `intrinsic` moment, and the whole `moment`, with reflex and balance."""
 
-    J η̈ = K x + B ẋ + late − c η̇ with x = θ − η: semi-implicit Euler at 1400 Hz, all cycles and axes at once.
+    sway: FloatArray
+    slip: FloatArray
+    turn: FloatArray
+    rate: FloatArray
+    intrinsic: FloatArray
+    moment: FloatArray
+
+
+def _answered(person: Person, plate: FloatArray, plate_rate: FloatArray, stance: FloatArray, dt: float) -> _Answer:
+    """Return the answer to the plate: semi-implicit Euler at 1400 Hz, all cycles and axes at once.
+
+    J η̈ = M − c η̇ and, on a shoe, I φ̈ = −M − Kₛ (φ − θ) − Bₛ (φ̇ − θ̇), with M = K x + B ẋ + late, x = φ − η.
     """
-    J = person.shank_kgm2
+    K, B, across = person.stiffness(stance), person.damping(stance), person.cross_stiffness(stance)[..., None]
+    J, shoe = person.shank_kgm2, person.shoe
+    foot_kgm2 = _about(person.ankle_P_m * (1.0, 0.0, 1.0), person.foot_kg, person.foot_cog_P_m, person.foot_kgm2)
     resist = 6.0 * J
     reflex_late, balance_late = round(_REFLEX_DELAY_S / dt), round(_BALANCE_DELAY_S / dt)
     gain = person.reflex_nm_s * np.clip(np.sin(np.pi * np.clip(stance, 0.0, 1.0)), 0.0, 1.0)[..., None]
+    balancing = person.restless * _BALANCE_PER_S2 * J
     contact = ((stance >= 0.0) & (stance <= 1.0))[..., None]
     sway, speed = np.zeros(plate.shape), np.zeros(plate.shape)
-    turn, rate, late = np.zeros(plate.shape), np.zeros(plate.shape), np.zeros(plate.shape)
+    foot, foot_rate = plate.copy(), plate_rate.copy()
+    turn, rate = np.zeros(plate.shape), np.zeros(plate.shape)
+    intrinsic, moment = np.zeros(plate.shape), np.zeros(plate.shape)
     active, activation = np.zeros_like(plate[:, 0]), np.zeros_like(plate[:, 0])
     for k in range(1, plate.shape[1]):
-        turn[:, k - 1], rate[:, k - 1] = plate[:, k - 1] - sway[:, k - 1], plate_rate[:, k - 1] - speed[:, k - 1]
+        now = k - 1
+        turn[:, now], rate[:, now] = foot[:, now] - sway[:, now], foot_rate[:, now] - speed[:, now]
         stretch = np.maximum(rate[:, max(k - reflex_late, 0)], 0.0)
         activation = activation + dt * _MUSCLE_RADPS * (stretch - activation)
         active = active + dt * _MUSCLE_RADPS * (activation - active)
         past = max(k - balance_late, 0)
-        balance = _BALANCE_PER_S2 * J * (sway[:, past] + 0.3 * speed[:, past])
-        late[:, k - 1] = contact[:, k - 1] * (gain[:, k - 1] * active - balance)
-        moment = contact[:, k - 1] * (K[:, k - 1] * turn[:, k - 1] + B[:, k - 1] * rate[:, k - 1]) + late[:, k - 1]
-        speed[:, k] = speed[:, k - 1] + dt * (moment - resist * speed[:, k - 1]) / J
-        sway[:, k] = sway[:, k - 1] + dt * speed[:, k]
-    turn[:, -1], rate[:, -1] = plate[:, -1] - sway[:, -1], plate_rate[:, -1] - speed[:, -1]
-    return sway, turn, rate, late
+        late = gain[:, now] * active - balancing * (sway[:, past] + 0.3 * speed[:, past])
+        own = K[:, now] * turn[:, now] + B[:, now] * rate[:, now] + across[:, now] * turn[:, now, ::-1]
+        intrinsic[:, now], moment[:, now] = contact[:, now] * own, contact[:, now] * (own + late)
+        speed[:, k] = speed[:, now] + dt * (moment[:, now] - resist * speed[:, now]) / J
+        sway[:, k] = sway[:, now] + dt * speed[:, k]
+        if shoe is not None:
+            give, give_rate = foot[:, now] - plate[:, now], foot_rate[:, now] - plate_rate[:, now]
+            borne = -moment[:, now] - shoe.stiffness * give - shoe.damping * give_rate
+            foot_rate[:, k] = foot_rate[:, now] + dt * borne / foot_kgm2
+            foot[:, k] = foot[:, now] + dt * foot_rate[:, k]
+    turn[:, -1], rate[:, -1] = foot[:, -1] - sway[:, -1], foot_rate[:, -1] - speed[:, -1]
+    return _Answer(sway, foot - plate, turn, rate, intrinsic, moment)
 
 
-def _sensed(person: Person, plate: FloatArray, push: FloatArray, on_foot: FloatArray, dt: float) -> FloatArray:
+def _heel_rise(shoe: Shoe, stance: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return the foot's turn over the ball (c, n) about Z; steps differ in where it begins."""
+    begins = shoe.heel_off + _HEEL_OFF_DIFFERS * rng.standard_normal((len(stance), 1))
+    u = np.clip((stance - begins) / np.maximum(1.0 - begins, 1e-3), 0.0, 1.0)
+    turned: FloatArray = -_HEEL_RISE_RAD * u * u * (3.0 - 2.0 * u)
+    return turned if shoe.heel_off < 1.0 else 0.0 * turned
+
+
+def _sensed(
+    person: Person,
+    plate: FloatArray,
+    slip: FloatArray,
+    rise: FloatArray,
+    push: FloatArray,
+    on_foot: FloatArray,
+    dt: float,
+) -> FloatArray:
     """Return the wrench (c, n, 6) of the sensor on the plate, in P about P's origin, the level plate's weight tared.
 
-    `push` (c, n, 3) in I is what the platform must carry of the person beside the foot's weight; `on_foot` (c, n, 2) is
+    The foot has turned by `slip` (c, n, 2) about the point below the ankle and then by `rise` over the ball; `push` (c, n, 3) in I is what the platform must carry of the person beside the foot's weight; `on_foot` (c, n, 2) is
     the moment of the shank on the foot about P's Z and X at the ankle.
     """
     shape = plate.shape[:2]
-    R = Rotation.from_euler("ZX", plate.reshape(-1, 2)).as_matrix().reshape(*shape, 3, 3)
+    R, R_slip, R_rise = (_rotation(each) for each in (plate, slip, rise))
     up = np.array([0.0, _JOINT_TO_SURFACE_M, 0.0])
-    origin, ankle = R @ up, R @ (up + person.ankle_P_m)
-    R_rate = _derivative(R.reshape(*shape, 9), dt).reshape(R.shape)
-    spin = R_rate @ np.swapaxes(R, -1, -2)
-    w = np.stack((spin[..., 2, 1], spin[..., 0, 2], spin[..., 1, 0]), axis=-1)
+    below = person.ankle_P_m * (1.0, 0.0, 1.0)
+    ball = below + (0.0 if person.shoe is None else person.shoe.ball_m) * np.array([1.0, 0.0, 0.0])
+    R_foot = R @ R_rise @ R_slip
+
+    def on_foot_at(place: FloatArray) -> FloatArray:
+        moved = (R_slip @ (place - below)) + below - ball
+        held: FloatArray = (R @ (up + ball + (R_rise @ moved[..., None])[..., 0])[..., None])[..., 0]
+        return held
+
+    origin, ankle = R @ up, on_foot_at(person.ankle_P_m)
     force, moment = np.zeros((*shape, 3)), np.zeros((*shape, 3))
-    for mass_kg, cog, J in (
-        (PLATE.mass_kg, PLATE.cog_m, PLATE.inertia_kgm2),
-        (person.foot_kg, person.foot_cog_P_m, person.foot_kgm2),
+    for mass_kg, c, J, turned in (
+        (PLATE.mass_kg, R @ (up + PLATE.cog_m), PLATE.inertia_kgm2, R),
+        (person.foot_kg, on_foot_at(person.foot_cog_P_m), person.foot_kgm2, R_foot),
     ):
-        c = R @ (up + cog)
-        spun = np.einsum("...ij,jk,...lk,...l->...i", R, J, R, w)
+        spun = np.einsum("...ij,jk,...lk,...l->...i", turned, J, turned, _spin(turned, dt))
         load = mass_kg * (_derivative(_derivative(c, dt), dt) - GRAVITY_I_MPS2)
         force += load
         moment += np.cross(c - origin, load) + _derivative(spun, dt)
@@ -311,6 +370,18 @@ def _sensed(person: Person, plate: FloatArray, push: FloatArray, on_foot: FloatA
     return np.concatenate(
         ((into_P @ force[..., None])[..., 0] - tare_n, (into_P @ moment[..., None])[..., 0] - tare_nm), axis=-1
     )
+
+
+def _rotation(turned: FloatArray) -> FloatArray:
+    """Return the rotations (c, n, 3, 3) by angles (c, n, 2) about Z and X."""
+    R: FloatArray = Rotation.from_euler("ZX", turned.reshape(-1, 2)).as_matrix().reshape(*turned.shape[:2], 3, 3)
+    return R
+
+
+def _spin(R: FloatArray, dt: float) -> FloatArray:
+    """Return the angular velocity (c, n, 3) in I."""
+    spin = _derivative(R.reshape(*R.shape[:2], 9), dt).reshape(R.shape) @ np.swapaxes(R, -1, -2)
+    return np.stack((spin[..., 2, 1], spin[..., 0, 2], spin[..., 1, 0]), axis=-1)
 
 
 def _about(A: FloatArray, mass_kg: float, cog: FloatArray, J: FloatArray) -> FloatArray:

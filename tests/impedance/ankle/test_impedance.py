@@ -7,8 +7,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from impedance.ankle.impedance import AnkleImpedance, identify, spline
-from impedance.ankle.motion import bodies_of, motion_of, smooth_derivatives
+from impedance.ankle.impedance import AnkleImpedance, identify
+from impedance.ankle.motion import bodies_of, motion_of
+from impedance.ankle.shapes import spline
+from impedance.ankle.smoothing import smooth_derivatives
 from impedance.ankle.trial import AnkleTrial, Perturbation
 from messages.arrays import FloatArray
 from messages.errors import UserError
