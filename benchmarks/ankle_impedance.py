@@ -11,10 +11,9 @@ steps. An axis is refused as the table refuses it.
 """
 
 import argparse
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from impedance.ankle.impedance import AXES, identify
 from impedance.ankle.motion import bodies_of, motion_of
@@ -22,17 +21,11 @@ from impedance.ankle.shapes import spline
 from impedance.ankle.table import table_of
 from impedance.ankle.trial import Perturbation
 from messages.arrays import BoolArray, FloatArray
-from sim_rig.platform.ankle import (
-    AT_15_DB,
-    FLAT_FOOT,
-    SENSOR_NOISE,
-    AnkleNoise,
-    AnkleRun,
-    measured,
-    true_equilibrium,
-    walk,
-)
+from sim_rig.platform.ankle import AnkleRun, walk
+from sim_rig.platform.ankle_known import FLAT_FOOT
+from sim_rig.platform.ankle_measured import AT_15_DB, SENSOR_NOISE, AnkleNoise, late, measured
 from sim_rig.platform.ankle_person import person
+from sim_rig.platform.ankle_truth import true_equilibrium
 
 CASES = (
     ("random, 10 cycles, 15 dB", Perturbation.RANDOM, 10, 0, AT_15_DB),
@@ -60,15 +53,6 @@ class Outcome:
     refused: FloatArray
     inertia_off: FloatArray
     """The foot's moment of inertia minus the truth, in its own standard deviations."""
-
-
-def late(run: AnkleRun, delay_s: float) -> AnkleRun:
-    """Return the run with its wrench stamped late by a constant time."""
-    wrench = run.wrench.copy()
-    for cycle in np.unique(run.cycle):
-        own = run.cycle == cycle
-        wrench[own] = CubicSpline(run.t_s[own], run.wrench[own])(run.t_s[own] - delay_s)
-    return replace(run, wrench=wrench)
 
 
 def outcome(

@@ -41,6 +41,7 @@ _REFLEX_LAGS = 6
 _REFLEX_PHASES = 3
 _CROSS_SPLINES = 4
 _DELAY_ROUNDS = 2
+_UNPERTURBED = "events.csv: no cycle is perturbed with the foot flat; nothing tells stiffness from torque"
 _INERTIA_PLACE = (6, 4)
 """Of J_zz and J_xx about A among a body's ten parameters."""
 
@@ -108,6 +109,8 @@ class AnkleImpedance:
 
 def identify(trial: AnkleTrial, points: int = 29) -> AnkleImpedance:
     """Return the impedance at `points` shares of stance; raises UserError where the trial cannot tell it."""
+    if all(kind is Perturbation.NONE for kind in trial.perturbation):
+        raise UserError(_UNPERTURBED)
     told = trial.settings.instruments
     delay_s, deviation_s = told.delay_s, told.delay_deviation_s
     for _ in range(_DELAY_ROUNDS if deviation_s > 0.0 else 0):
@@ -138,8 +141,8 @@ def _identify_at(trial: AnkleTrial, points: int, delay_prior: Prior) -> AnkleImp
     bodies = bodies_of(trial.settings)
     motion = motion_of(trial, bodies)
     used = _used(trial, motion)
-    if not used.any() or all(kind is Perturbation.NONE for kind in trial.perturbation):
-        raise UserError("events.csv: no cycle is perturbed with the foot flat; nothing tells stiffness from torque")
+    if not used.any():
+        raise UserError(_UNPERTURBED)
     stance = np.linspace(0.01 * trial.settings.flat_foot.from_percent, _flat_until(trial, motion), points)
     used &= trial.stance[motion.rows] <= stance[-1]
     try:
@@ -224,7 +227,9 @@ def _identify_axis(
     asked_across = spline(stance, span, _CROSS_SPLINES)
     inertia, inertia_deviation = _foot_inertia(found, bodies, axis)
     parts = {block.name: block.X @ found.of(block.name)[0] for block in blocks if block.name in found.slices}
-    perturbed = sum(parts[name] for name in parts if name.startswith(("stiffness", "damping", "cross", "plate", "foot")))
+    perturbed = sum(
+        parts[name] for name in parts if name.startswith(("stiffness", "damping", "cross", "plate", "foot"))
+    )
     stiffness = _curve(found, "stiffness", np.hstack((asked @ line, asked @ bend)))
     mean = spline(stance, span, MEAN_SPLINES)
     of_fit = np.einsum("ki,ij,kj->k", mean, found.of("mean")[1], mean)

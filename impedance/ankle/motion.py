@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from impedance.ankle.smoothing import PLATE_BAND_HZ, SHANK_BAND_HZ, smooth_derivatives
-from impedance.ankle.trial import AnkleTrial, BodyPrior, Perturbation, TrialSettings, in_flat_foot
+from impedance.ankle.trial import AnkleTrial, BodyPrior, Contact, Perturbation, TrialSettings, in_flat_foot
 from impedance.ankle.turns import own_turns, slip_of
 from impedance.body.geometry import GRAVITY_I_MPS2, angular_acceleration, angular_velocity, rotation_IP
 from impedance.body.rigid_body import Inertia, regressor
@@ -89,7 +89,8 @@ def motion_of(trial: AnkleTrial, bodies: Bodies) -> AnkleMotion:
     all_rates = plate[1]
     slip = slip_of(trial, plate, rows)
     A = np.array(settings.ankle.in_plate_m)
-    C = A * (1.0, 0.0, 1.0) if settings.contact is None else np.array(settings.contact.in_plate_m)
+    contact = settings.contact or Contact((float(A[0]), 0.0, float(A[2])))
+    C = np.array(contact.in_plate_m)
     instruments = settings.instruments
     all_wrench, measured_rate = np.empty_like(trial.wrench), np.empty((len(trial.t_s), 2))
     axes = [2, 0]
@@ -123,7 +124,7 @@ def motion_of(trial: AnkleTrial, bodies: Bodies) -> AnkleMotion:
         plate_columns=(Y_plate @ roots[0])[:, 3:][:, axes],
         foot_columns=(Y_foot @ roots[1])[:, 3:][:, axes],
         lever_columns=settings.ankle.deviation_m * levers[:, axes],
-        contact_columns=(0.02 if settings.contact is None else settings.contact.deviation_m) * contacts[:, axes],
+        contact_columns=contact.deviation_m * contacts[:, axes],
         gain_columns=instruments.gain_deviation_share * whole[:, axes],
         crosstalk_columns=instruments.crosstalk_deviation_share * whole[:, axes[::-1]],
         delay_columns=-instruments.delay_deviation_s * measured_rate[rows],

@@ -10,13 +10,14 @@ from messages.constants import NORMAL_95
 from reports.content import Section, Table
 from reports.page import check_page, write_sections
 
-_COLUMNS = ("stance", "N·m/rad", "95 %", "N·m·s/rad", "95 %", "mean N·m", "equilibrium °")
+_COLUMNS = ("stance", "N·m/rad", "95 %", "N·m·s/rad", "95 %", "mean N·m", "equilibrium °", "by the other axis")
 _ROWS = 14
 """About so many of a curve's points are told as numbers."""
 
 
 def axis_table(found: AnkleTable, axis: AxisTable, title: str) -> Table:
-    """Return stiffness, damping, mean moment and equilibrium angle over stance with intervals, about one axis."""
+    """Return stiffness, damping, mean moment, equilibrium angle and the stiffness that couples the axes (N·m/rad) over
+    stance, with intervals, about one axis."""
     curves = [
         list(zip(*columns, strict=True))
         for columns in (
@@ -25,15 +26,17 @@ def axis_table(found: AnkleTable, axis: AxisTable, title: str) -> Table:
         )
     ]
     set_points = zip(axis.mean_moment_nm, axis.equilibrium_rad, axis.equilibrium_rad_high, strict=True)
+    across = zip(axis.cross_stiffness_nm_per_rad, axis.cross_stiffness_nm_per_rad_high, strict=True)
     rows = [
         (
             f"{stance:.1f} %",
             *(f"{k:.1f}", f"{k_low:.1f} to {k_high:.1f}"),
             *(f"{b:.3f}", f"{b_low:.3f} to {b_high:.3f}"),
             *(f"{moment:.1f}", f"{degrees(rest):.2f} ± {degrees(high - rest):.2f}"),
+            f"{cross:.1f} ± {cross_high - cross:.1f}",
         )
-        for stance, (k, k_low, k_high), (b, b_low, b_high), (moment, rest, high) in zip(
-            found.stance_percent, *curves, set_points, strict=True
+        for stance, (k, k_low, k_high), (b, b_low, b_high), (moment, rest, high), (cross, cross_high) in zip(
+            found.stance_percent, *curves, set_points, across, strict=True
         )
     ]
     return Table(title, _COLUMNS, rows[:: max(1, len(rows) // _ROWS)])

@@ -26,7 +26,7 @@ _HEADING: Final = """\
 # Dorsi-plantarflexion is about Z of the plate, inversion-eversion about X.
 """
 _CURVES: Final = ("stiffness_nm_per_rad", "damping_nms_per_rad")
-_SET_POINTS: Final = ("mean_moment_nm", "equilibrium_rad")
+_SET_POINTS: Final = ("mean_moment_nm", "equilibrium_rad", "cross_stiffness_nm_per_rad")
 MOST_HALF_SHARE: Final = {"stiffness": 0.10, "damping": 0.20}
 """Half of a 95 % interval over its value: mean errors of 4 and 8 %, which a controller may have, lie within."""
 
@@ -36,7 +36,8 @@ class AxisTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
 
     The quality of stiffness and damping is `…_half_share`: half of a 95 % interval over the value, on average.
     `mean_moment_nm` is the unperturbed moment and `equilibrium_rad` the angle of foot against shank at which a spring
-    of this stiffness makes none, positive as the plate's angles are.
+    of this stiffness makes none, positive as the plate's angles are; `cross_stiffness_nm_per_rad` is the moment about
+    this axis that a turn about the other one makes: with both axes' own, stiffness is a matrix of two rows.
     """
 
     stiffness_nm_per_rad: list[float]
@@ -57,6 +58,9 @@ class AxisTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
     equilibrium_rad: list[float] = msgspec.field(default_factory=list)
     equilibrium_rad_low: list[float] = msgspec.field(default_factory=list)
     equilibrium_rad_high: list[float] = msgspec.field(default_factory=list)
+    cross_stiffness_nm_per_rad: list[float] = msgspec.field(default_factory=list)
+    cross_stiffness_nm_per_rad_low: list[float] = msgspec.field(default_factory=list)
+    cross_stiffness_nm_per_rad_high: list[float] = msgspec.field(default_factory=list)
 
 
 class AnkleTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -97,14 +101,14 @@ def table_of(trial: AnkleTrial, found: AnkleImpedance) -> AnkleTable:
 
 def save_table(path: Path, table: AnkleTable) -> None:
     """Write the file in one step; raises UserError where it cannot, or `load_table` would refuse it."""
-    _check(table, path)
+    check_table(table, str(path))
     write_toml(path, msgspec.to_builtins(table), _HEADING)
 
 
 def load_table(path: Path) -> AnkleTable:
     """Return the checked table; raises UserError, one line with file, field and what is allowed."""
     table = checked(read_toml(path), AnkleTable, str(path))
-    _check(table, path)
+    check_table(table, str(path))
     return table
 
 
@@ -133,6 +137,7 @@ def _axis_table(axis: AxisImpedance, stance: FloatArray) -> AxisTable:
     if not known:
         reasons.append("foot_inertia_kgm2: its interval holds zero")
     shown |= _shown("mean_moment_nm", axis.mean_moment, np.zeros(len(stance), dtype=np.bool_))
+    shown |= _shown("cross_stiffness_nm_per_rad", axis.cross_stiffness, np.zeros(len(stance), dtype=np.bool_))
     shown |= _shown("equilibrium_rad", axis.equilibrium, np.isnan(shown["stiffness_nm_per_rad"]))
     return AxisTable(
         stiffness_nm_per_rad=shown["stiffness_nm_per_rad"],
@@ -153,6 +158,9 @@ def _axis_table(axis: AxisImpedance, stance: FloatArray) -> AxisTable:
         equilibrium_rad=shown["equilibrium_rad"],
         equilibrium_rad_low=shown["equilibrium_rad_low"],
         equilibrium_rad_high=shown["equilibrium_rad_high"],
+        cross_stiffness_nm_per_rad=shown["cross_stiffness_nm_per_rad"],
+        cross_stiffness_nm_per_rad_low=shown["cross_stiffness_nm_per_rad_low"],
+        cross_stiffness_nm_per_rad_high=shown["cross_stiffness_nm_per_rad_high"],
     )
 
 
@@ -161,10 +169,11 @@ def _shown(name: str, curve: Curve, unknown: BoolArray) -> dict[str, list[float]
     return {name: value, f"{name}_low": curve.low.tolist(), f"{name}_high": curve.high.tolist()}
 
 
-def _check(table: AnkleTable, path: Path) -> None:
+def check_table(table: AnkleTable, where: str) -> None:
+    """Raise UserError, its line beginning with `where`, for curves that do not fit each other."""
     problem = next(_problems(table), None)
     if problem is not None:
-        raise UserError(f"{path}: {problem}")
+        raise UserError(f"{where}: {problem}")
 
 
 def _problems(table: AnkleTable) -> Iterator[str]:

@@ -95,7 +95,7 @@ class Contact(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """About which point of P the flat foot turns against the plate as shoe and heel pad give way, and its deviation."""
 
     in_plate_m: tuple[Length, Length, Length]
-    deviation_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.1)] = 0.02
+    deviation_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.1)] = 0.01
 
 
 class Mockup(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

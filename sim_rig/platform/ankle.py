@@ -1,4 +1,4 @@
-"""A person on the vibrating platform: cycles of stance, perturbed, and what the sensors make of them.
+"""A person on the vibrating platform: cycles of stance, perturbed.
 
 The truth is made without any of the estimator's equations: the shank answers the ankle's moments by its own equation of
 motion, and so does the foot on shoe and heel pad, where there is a shoe; the reflex is a half-wave rectified stretch
@@ -8,32 +8,20 @@ weight and what the shank does at the ankle, wherever shoe and heel have taken i
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from impedance.ankle.table import AnkleTable, AxisTable
-from impedance.ankle.trial import (
-    Ankle,
-    AnkleTrial,
-    BodyPrior,
-    FlatFoot,
-    Manoeuvre,
-    Perturbation,
-    Subject,
-    TrialSettings,
-)
-from impedance.body.geometry import GRAVITY_I_MPS2
+from impedance.ankle.trial import Perturbation, TrialSettings
 from messages.arrays import BoolArray, FloatArray, IntArray
+from sim_rig.platform.ankle_known import FLAT_FOOT, settings_of
 from sim_rig.platform.ankle_person import Person, Shoe
-from sim_rig.platform.rig import MOTION_HZ, PLATE, THESIS_NOISE
+from sim_rig.platform.ankle_sensed import derivative, moments_about, sensed
+from sim_rig.platform.rig import MOTION_HZ
 
-FLAT_FOOT: Final = (0.10, 0.80)
 _OVERSAMPLING = 4
 _PAD = 24
-_JOINT_TO_SURFACE_M: Final = 0.12
 _RAMP_RAD: Final = np.deg2rad(2.0)
 _RAMP_S: Final = 0.075
 _RANDOM_BAND_HZ: Final = (4.0, 25.0)
@@ -48,24 +36,6 @@ _SLOW_SHANK_RAD: Final = 0.008
 _SLOW_FORCE_SHARE: Final = 0.02
 _HEEL_OFF_DIFFERS: Final = 0.02
 _HEEL_RISE_RAD: Final = 0.5
-
-
-@dataclass(frozen=True)
-class AnkleNoise:
-    """Standard deviations of white noise; `snr_db`, if any, sets the moments' noise from the perturbed moment
-    instead."""
-
-    plate_rad: float = THESIS_NOISE.angle_rad
-    shank_rad: float = 3e-4
-    foot_rad: float = 3e-4
-    heel_m: float = 1e-4
-    force_n: float = THESIS_NOISE.force_n
-    torque_nm: float = THESIS_NOISE.torque_nm
-    snr_db: float | None = None
-
-
-SENSOR_NOISE: Final = AnkleNoise()
-AT_15_DB: Final = AnkleNoise(snr_db=15.0)
 
 
 @dataclass(frozen=True)
@@ -118,7 +88,7 @@ def walk(person: Person, plan: Sequence[Perturbation], seed: int, slope_deg: flo
     onset_s = stance_s * rng.permutation(np.linspace(FLAT_FOOT[0], FLAT_FOOT[1] - 0.12, count))
     slope = np.array([np.deg2rad(slope_deg), 0.0])
     plate = slope + _plate_motion(plan, onset_s, t, stance, rng)
-    plate_rate, plate_acceleration = _derivative(plate, dt), _derivative(_derivative(plate, dt), dt)
+    plate_rate, plate_acceleration = derivative(plate, dt), derivative(derivative(plate, dt), dt)
 
     answer = _answered(person, plate - slope, plate_rate, stance, dt)
     sway, turn, rate = answer.sway, answer.turn, answer.rate
@@ -135,8 +105,8 @@ def walk(person: Person, plan: Sequence[Perturbation], seed: int, slope_deg: flo
         slip = answer.slip - (person.usual_moment(contact) + fatigue + slow) / person.shoe.stiffness
         rise[..., 0] = _heel_rise(person.shoe, stance, rng)
         heel_m = (person.shoe.heel_m - person.shoe.ball_m) * np.sin(rise[..., 0]) + person.shoe.heel_m * slip[..., 0]
-    wrench = _sensed(person, plate, slip, rise, push, on_foot, dt)
-    inertia = _about(person.ankle_P_m, person.foot_kg, person.foot_cog_P_m, person.foot_kgm2)
+    wrench = sensed(person, plate, slip, rise, push, on_foot, dt)
+    inertia = moments_about(person.ankle_P_m, person.foot_kg, person.foot_cog_P_m, person.foot_kgm2)
 
     taken = np.zeros(stance.shape, dtype=np.bool_)
     taken[:, _PAD:-_PAD:_OVERSAMPLING] = True
@@ -145,7 +115,7 @@ def walk(person: Person, plan: Sequence[Perturbation], seed: int, slope_deg: flo
     ramp = np.array([kind is Perturbation.RAMP for kind in plan])
     return AnkleRun(
         person=person,
-        settings=_settings(person, slope_deg, rng),
+        settings=settings_of(person, slope_deg, rng),
         cycle=cycle,
         t_s=np.broadcast_to(t, stance.shape)[taken],
         stance=stance[taken],
@@ -163,72 +133,6 @@ def walk(person: Person, plan: Sequence[Perturbation], seed: int, slope_deg: flo
         foot_about_ankle_kgm2=inertia,
         flat=(stance[taken] >= FLAT_FOOT[0]) & (stance[taken] <= FLAT_FOOT[1]),
     )
-
-
-def measured(run: AnkleRun, noise: AnkleNoise, seed: int) -> AnkleTrial:
-    """Return the trial that the sensors record of the run; the signal of `snr_db` is the perturbed intrinsic moment."""
-    rng = np.random.default_rng((seed, 3))
-    torque_nm = np.full(3, noise.torque_nm)
-    if noise.snr_db is not None:
-        signal = np.sqrt((run.intrinsic_nm[run.perturbed] ** 2).mean(axis=0))
-        torque_nm[[2, 0]] = signal / 10.0 ** (noise.snr_db / 20.0)
-    deviations = np.concatenate((np.full(3, noise.force_n), torque_nm))
-    trial = AnkleTrial(
-        settings=run.settings,
-        cycle=run.cycle,
-        t_s=run.t_s,
-        stance=run.stance,
-        plate_rad=run.plate_rad + noise.plate_rad * rng.standard_normal(run.plate_rad.shape),
-        shank_rad=run.shank_rad + noise.shank_rad * rng.standard_normal(run.shank_rad.shape),
-        wrench=run.wrench + deviations * rng.standard_normal(run.wrench.shape),
-        perturbation=run.perturbation,
-        onset_s=run.onset_s,
-    )
-    if run.person.shoe is None:
-        return trial
-    return replace(
-        trial,
-        foot_rad=run.foot_rad + noise.foot_rad * rng.standard_normal(run.foot_rad.shape),
-        heel_rise_m=run.heel_rise_m + noise.heel_m * rng.standard_normal(len(run.t_s)),
-    )
-
-
-def true_table(run: AnkleRun, points: int = 29) -> AnkleTable:
-    """Return the true impedance as the table that an identification of the run should come to; no interval."""
-    stance = np.linspace(*FLAT_FOOT, points)
-    K, B = run.person.stiffness(stance), run.person.damping(stance)
-    moment, rest = run.person.usual_moment(stance), true_equilibrium(run, stance)
-    first, second = (
-        AxisTable(
-            *(K[:, axis].tolist(),) * 3,
-            *(B[:, axis].tolist(),) * 3,
-            *(float(run.foot_about_ankle_kgm2[axis]),) * 3,
-            [],
-            *(0.0, 0.0),
-            *(moment[:, axis].tolist(),) * 3,
-            *(rest[:, axis].tolist(),) * 3,
-        )
-        for axis in range(2)
-    )
-    settings = run.settings
-    return AnkleTable(
-        manoeuvre=settings.manoeuvre,
-        ground_slope_deg=settings.ground_slope_deg,
-        subject=settings.subject.code,
-        body_mass_kg=settings.subject.mass_kg,
-        perturbed_cycles=sum(kind is not Perturbation.NONE for kind in run.perturbation),
-        stance_percent=(100.0 * stance).round(6).tolist(),
-        dorsi_plantarflexion=first,
-        inversion_eversion=second,
-    )
-
-
-def true_equilibrium(run: AnkleRun, stance: FloatArray) -> FloatArray:
-    """Return (k, 2): the angle of foot against shank, rad, at which the ankle's spring makes no moment."""
-    slope = np.array([np.deg2rad(run.settings.ground_slope_deg), 0.0])
-    person = run.person
-    rest: FloatArray = slope - person.usual_shank(stance) - person.usual_moment(stance) / person.stiffness(stance)
-    return rest
 
 
 def _plate_motion(
@@ -284,7 +188,7 @@ def _answered(person: Person, plate: FloatArray, plate_rate: FloatArray, stance:
     """
     K, B, across = person.stiffness(stance), person.damping(stance), person.cross_stiffness(stance)[..., None]
     J, shoe = person.shank_kgm2, person.shoe
-    foot_kgm2 = _about(person.ankle_P_m * (1.0, 0.0, 1.0), person.foot_kg, person.foot_cog_P_m, person.foot_kgm2)
+    foot_kgm2 = moments_about(person.ankle_P_m * (1.0, 0.0, 1.0), person.foot_kg, person.foot_cog_P_m, person.foot_kgm2)
     resist = 6.0 * J
     reflex_late, balance_late = round(_REFLEX_DELAY_S / dt), round(_BALANCE_DELAY_S / dt)
     gain = person.reflex_nm_s * np.clip(np.sin(np.pi * np.clip(stance, 0.0, 1.0)), 0.0, 1.0)[..., None]
@@ -322,114 +226,3 @@ def _heel_rise(shoe: Shoe, stance: FloatArray, rng: np.random.Generator) -> Floa
     u = np.clip((stance - begins) / np.maximum(1.0 - begins, 1e-3), 0.0, 1.0)
     turned: FloatArray = -_HEEL_RISE_RAD * u * u * (3.0 - 2.0 * u)
     return turned if shoe.heel_off < 1.0 else 0.0 * turned
-
-
-def _sensed(
-    person: Person,
-    plate: FloatArray,
-    slip: FloatArray,
-    rise: FloatArray,
-    push: FloatArray,
-    on_foot: FloatArray,
-    dt: float,
-) -> FloatArray:
-    """Return the wrench (c, n, 6) of the sensor on the plate, in P about P's origin, the level plate's weight tared.
-
-    The foot has turned by `slip` (c, n, 2) about the point below the ankle and then by `rise` over the ball; `push` (c, n, 3) in I is what the platform must carry of the person beside the foot's weight; `on_foot` (c, n, 2) is
-    the moment of the shank on the foot about P's Z and X at the ankle.
-    """
-    shape = plate.shape[:2]
-    R, R_slip, R_rise = (_rotation(each) for each in (plate, slip, rise))
-    up = np.array([0.0, _JOINT_TO_SURFACE_M, 0.0])
-    below = person.ankle_P_m * (1.0, 0.0, 1.0)
-    ball = below + (0.0 if person.shoe is None else person.shoe.ball_m) * np.array([1.0, 0.0, 0.0])
-    R_foot = R @ R_rise @ R_slip
-
-    def on_foot_at(place: FloatArray) -> FloatArray:
-        moved = (R_slip @ (place - below)) + below - ball
-        held: FloatArray = (R @ (up + ball + (R_rise @ moved[..., None])[..., 0])[..., None])[..., 0]
-        return held
-
-    origin, ankle = R @ up, on_foot_at(person.ankle_P_m)
-    force, moment = np.zeros((*shape, 3)), np.zeros((*shape, 3))
-    for mass_kg, c, J, turned in (
-        (PLATE.mass_kg, R @ (up + PLATE.cog_m), PLATE.inertia_kgm2, R),
-        (person.foot_kg, on_foot_at(person.foot_cog_P_m), person.foot_kgm2, R_foot),
-    ):
-        spun = np.einsum("...ij,jk,...lk,...l->...i", turned, J, turned, _spin(turned, dt))
-        load = mass_kg * (_derivative(_derivative(c, dt), dt) - GRAVITY_I_MPS2)
-        force += load
-        moment += np.cross(c - origin, load) + _derivative(spun, dt)
-    shank = -push - person.leg_kg * _derivative(_derivative(ankle, dt), dt)
-    shank_moment = np.stack((on_foot[..., 1], np.zeros(shape), on_foot[..., 0]), axis=-1)
-    force -= shank
-    moment -= np.cross(ankle - origin, shank) + np.einsum("...ij,...j->...i", R, shank_moment)
-    into_P = np.swapaxes(R, -1, -2)
-    tare_n = -PLATE.mass_kg * GRAVITY_I_MPS2
-    tare_nm = np.cross(PLATE.cog_m, tare_n)
-    return np.concatenate(
-        ((into_P @ force[..., None])[..., 0] - tare_n, (into_P @ moment[..., None])[..., 0] - tare_nm), axis=-1
-    )
-
-
-def _rotation(turned: FloatArray) -> FloatArray:
-    """Return the rotations (c, n, 3, 3) by angles (c, n, 2) about Z and X."""
-    R: FloatArray = Rotation.from_euler("ZX", turned.reshape(-1, 2)).as_matrix().reshape(*turned.shape[:2], 3, 3)
-    return R
-
-
-def _spin(R: FloatArray, dt: float) -> FloatArray:
-    """Return the angular velocity (c, n, 3) in I."""
-    spin = _derivative(R.reshape(*R.shape[:2], 9), dt).reshape(R.shape) @ np.swapaxes(R, -1, -2)
-    return np.stack((spin[..., 2, 1], spin[..., 0, 2], spin[..., 1, 0]), axis=-1)
-
-
-def _about(A: FloatArray, mass_kg: float, cog: FloatArray, J: FloatArray) -> FloatArray:
-    """Return a body's moments of inertia (2,) about Z and X through A."""
-    x, y, z = cog - A
-    moments: FloatArray = np.array([J[2, 2] + mass_kg * (x * x + y * y), J[0, 0] + mass_kg * (y * y + z * z)])
-    return moments
-
-
-def _derivative(values: FloatArray, dt: float) -> FloatArray:
-    """Return the time derivative along axis 1 by central differences of eighth order; ends count as at rest."""
-    rate = np.zeros_like(values)
-    for reach, weight in enumerate((4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0), start=1):
-        ahead, behind = values[:, 4 + reach : values.shape[1] - 4 + reach], values[:, 4 - reach : -4 - reach]
-        rate[:, 4:-4] += weight * (ahead - behind)
-    derivative: FloatArray = rate / dt
-    return derivative
-
-
-def _settings(person: Person, slope_deg: float, rng: np.random.Generator) -> TrialSettings:
-    """Return what the laboratory knows: bodies and ankle, each off by its own deviation."""
-    plate = _prior(rng, PLATE.mass_kg, PLATE.cog_m, PLATE.inertia_kgm2, 0.005, 2e-4, 0.01)
-    foot = _prior(rng, person.foot_kg, person.foot_cog_P_m, person.foot_kgm2, 0.05 * person.foot_kg, 4e-3, 0.15)
-    x, y, z = (person.ankle_P_m + 0.002 * rng.standard_normal(3)).tolist()
-    return TrialSettings(
-        manoeuvre=Manoeuvre.STRAIGHT if person.walks else Manoeuvre.STANDING,
-        ground_slope_deg=slope_deg,
-        rate_hz=MOTION_HZ,
-        joint_to_surface_m=_JOINT_TO_SURFACE_M,
-        subject=Subject(code="simulated", mass_kg=round(person.mass_kg, 1)),
-        flat_foot=FlatFoot(100.0 * FLAT_FOOT[0], 100.0 * FLAT_FOOT[1]),
-        ankle=Ankle(in_plate_m=(x, y, z), deviation_m=0.002),
-        plate=plate,
-        foot=foot,
-    )
-
-
-def _prior(
-    rng: np.random.Generator, mass_kg: float, cog_m: FloatArray, J: FloatArray, dm: float, dd: float, share: float
-) -> BodyPrior:
-    """Return a body as it was measured before: mass ± dm, centre of gravity ± dd, tensor ± `share` of its moments."""
-    tensor = J[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
-    deviation = share * np.concatenate((np.diag(J), np.full(3, np.diag(J).min())))
-    return BodyPrior(
-        mass_kg + dm * float(rng.standard_normal()),
-        tuple((cog_m + dd * rng.standard_normal(3)).tolist()),
-        tuple((tensor + deviation * rng.standard_normal(6)).tolist()),
-        dm,
-        (dd, dd, dd),
-        tuple(deviation.tolist()),
-    )

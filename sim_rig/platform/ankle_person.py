@@ -147,7 +147,9 @@ def person(seed: int, walks: bool = True, shod: bool = False) -> Person:
     return replace(found, shoe=shoe) if shod else found
 
 
-def mockup(stiffness_nm_per_rad: float, damping_nms_per_rad: float, mass_kg: float = 40.0, shod: bool = False) -> Person:
+def mockup(
+    stiffness_nm_per_rad: float, damping_nms_per_rad: float, mass_kg: float = 40.0, shod: bool = False
+) -> Person:
     """Return a spring and a damper about Z, a third of the spring about X with the same damping ratio, under a weight.
 
     A foot of steel, of which everything is known, carries them; `shod` puts a rubber sole under it.
@@ -157,7 +159,7 @@ def mockup(stiffness_nm_per_rad: float, damping_nms_per_rad: float, mass_kg: flo
     shoe = Shoe(8.0 * np.array([1.0, _INVERSION_SHARE]) * stiffness_nm_per_rad, np.array([3.0, 1.5]), heel_off=1.0)
     return Person(
         mass_kg=mass_kg,
-        stance_s=3.0,
+        stance_s=1.5,
         ankle_P_m=np.array([-0.03, 0.08, 0.0]),
         foot_kg=foot_kg,
         foot_cog_P_m=np.array([0.0, 0.03, 0.0]),

@@ -18,7 +18,8 @@ pytest.importorskip("mujoco")
 
 import ezc3d
 
-from sim_rig.platform.ankle import AnkleNoise, measured, walk
+from sim_rig.platform.ankle import walk
+from sim_rig.platform.ankle_measured import AnkleNoise, measured
 from sim_rig.platform.ankle_person import person
 
 PLATE_MARKERS = {"P1": (0.2, 0.0, 0.1), "P2": (-0.2, 0.0, 0.1), "P3": (-0.2, 0.01, -0.1)}

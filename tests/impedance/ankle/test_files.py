@@ -13,8 +13,10 @@ from cli.platform import platform
 from impedance.ankle.table import load_table, save_table
 from impedance.ankle.trial import Perturbation, load_trial, save_trial
 from messages.errors import UserError
-from sim_rig.platform.ankle import AnkleNoise, AnkleRun, measured, true_table, walk
+from sim_rig.platform.ankle import AnkleRun, walk
+from sim_rig.platform.ankle_measured import AnkleNoise, measured
 from sim_rig.platform.ankle_person import person
+from sim_rig.platform.ankle_truth import true_table
 from tests.bench.html_page import read
 
 

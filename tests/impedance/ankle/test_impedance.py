@@ -14,7 +14,8 @@ from impedance.ankle.smoothing import smooth_derivatives
 from impedance.ankle.trial import AnkleTrial, Perturbation
 from messages.arrays import FloatArray
 from messages.errors import UserError
-from sim_rig.platform.ankle import AT_15_DB, AnkleNoise, AnkleRun, measured, walk
+from sim_rig.platform.ankle import AnkleRun, walk
+from sim_rig.platform.ankle_measured import AT_15_DB, AnkleNoise, measured
 from sim_rig.platform.ankle_person import person
 from sim_rig.platform.rig import PLATE
 

@@ -8,13 +8,13 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from scipy.interpolate import CubicSpline
-
 from impedance.ankle.impedance import identify
 from impedance.ankle.table import MOST_HALF_SHARE, table_of
 from impedance.ankle.trial import AnkleTrial, Perturbation
-from sim_rig.platform.ankle import AT_15_DB, SENSOR_NOISE, AnkleRun, measured, true_equilibrium, walk
+from sim_rig.platform.ankle import AnkleRun, walk
+from sim_rig.platform.ankle_measured import AT_15_DB, SENSOR_NOISE, late, measured
 from sim_rig.platform.ankle_person import person
+from sim_rig.platform.ankle_truth import true_equilibrium
 
 SEED = 4
 
@@ -26,11 +26,7 @@ def run() -> AnkleRun:
 
 def trial_of(run: AnkleRun, late_s: float, **told: float) -> AnkleTrial:
     """Return a trial whose wrench is late, and what its file tells of it."""
-    wrench = run.wrench.copy()
-    for cycle in np.unique(run.cycle):
-        own = run.cycle == cycle
-        wrench[own] = CubicSpline(run.t_s[own], run.wrench[own])(run.t_s[own] - late_s)
-    trial = measured(replace(run, wrench=wrench), SENSOR_NOISE, SEED)
+    trial = measured(late(run, late_s), SENSOR_NOISE, SEED)
     instruments = msgspec.structs.replace(trial.settings.instruments, **told)
     return replace(trial, settings=msgspec.structs.replace(trial.settings, instruments=instruments))
 
@@ -44,11 +40,11 @@ def damping_error(run: AnkleRun, trial: AnkleTrial) -> float:
 
 def test_a_delay_is_told_by_both_axes_and_costs_no_damping(run: AnkleRun) -> None:
     for delay_s in (-1e-3, 5e-4):
-        late = trial_of(run, delay_s)
-        found = identify(late)
+        shifted = trial_of(run, delay_s)
+        found = identify(shifted)
         assert abs(found.delay_s - delay_s) < 4.0 * found.delay_deviation_s
         assert found.delay_deviation_s < 1e-4
-        assert damping_error(run, late) < 0.03
+        assert damping_error(run, shifted) < 0.03
     believed = trial_of(run, 5e-4, delay_deviation_s=0.0)
     assert damping_error(run, believed) > 0.12
 
