@@ -6,7 +6,8 @@ One run of the bare plate and one with the foot at 40 Hz, the thesis's noise ane
 that is told and a sign or direction that is drawn: all six gains, all thirty crosstalks (0.25 m between forces and
 moments), the force plate's axes about a drawn direction, the joint in a drawn direction from where it is stated. Both
 runs have the same errors; the plate is weighed by the fx channel. The foot is identified with the plate's run. What is
-stated is what a recording states by default; a run whose misfit refutes it is refused, and counted. Each of the ten
+stated is what a recording states by default, and where the case says so the foot's mass, or that another scale weighed
+the plate; a run whose misfit refutes it is refused, and counted. Each of the ten
 95 % intervals must hold in nine of ten draws.
 """
 
@@ -37,7 +38,8 @@ MOMENT_PER_FORCE_M = 0.25
 
 @dataclass(frozen=True)
 class Sizes:
-    """How large the errors are; zero leaves one out."""
+    """How large the errors are; zero leaves one out. The foot is a `known_weight` of ± 5 g; `other_scale` weighed the
+    plate to 0.1 %."""
 
     gain: float = 0.0
     crosstalk: float = 0.0
@@ -45,6 +47,8 @@ class Sizes:
     joint_m: float = 0.0
     axes_rad: float = 0.0
     common_gain: float = 0.0
+    known_weight: bool = False
+    other_scale: bool = False
 
 
 CASES = {
@@ -57,6 +61,11 @@ CASES = {
     "axes 0.3°": Sizes(axes_rad=float(np.deg2rad(0.3))),
     "all together": Sizes(0.005, 0.005, 3e-4, 3e-3, float(np.deg2rad(0.3))),
     "gain 5 %": Sizes(gain=0.05),
+    "gain +5 %, all alike": Sizes(common_gain=0.05),
+    "gain +5 %, all alike, a known weight": Sizes(common_gain=0.05, known_weight=True),
+    "gain +5 %, all alike, another scale": Sizes(common_gain=0.05, other_scale=True),
+    "gain 5 %, a known weight": Sizes(gain=0.05, known_weight=True),
+    "gain 0.5 %, a known weight": Sizes(gain=0.005, known_weight=True),
     "delay 5 ms": Sizes(delay_s=5e-3),
     "joint 20 mm": Sizes(joint_m=0.02),
 }
@@ -70,6 +79,7 @@ class Drawn:
     delay_s: float
     beside_m: FloatArray
     weighing: float
+    sizes: Sizes
 
     @classmethod
     def of(cls, sizes: Sizes, rng: np.random.Generator) -> "Drawn":
@@ -81,7 +91,11 @@ class Drawn:
         turned = Rotation.from_rotvec(sizes.axes_rad * axis).as_matrix().T
         gains = np.eye(6) + np.einsum("k,kij->ij", shares, wrench_matrices(MOMENT_PER_FORCE_M)[1:37])
         matrix = gains @ np.kron(np.eye(2), turned)
-        return cls(matrix, sizes.delay_s * float(rng.choice((-1.0, 1.0))), sizes.joint_m * place, float(shares[0]))
+        late_s, weighing = (
+            sizes.delay_s * float(rng.choice((-1.0, 1.0))),
+            0.0 if sizes.other_scale else float(shares[0]),
+        )
+        return cls(matrix, late_s, sizes.joint_m * place, weighing, sizes)
 
     def recorded(self, run: SimulatedRun, seed: int) -> PlatformRecording:
         """Return the recording that this laboratory makes of a run, with noise of a seed."""
@@ -100,7 +114,13 @@ class Drawn:
         weighed = msgspec.structs.replace(
             seen.settings.plate, mass_kg=seen.settings.plate.mass_kg * (1.0 + self.weighing)
         )
-        return replace(seen, settings=msgspec.structs.replace(seen.settings, foot=foot, plate=weighed))
+        stated = seen.settings.uncertainty
+        if self.sizes.known_weight:
+            foot = msgspec.structs.replace(foot, mass_kg=FOOT.mass_kg)
+        if self.sizes.other_scale:
+            stated = msgspec.structs.replace(stated, mass_share=0.001)
+        settings = msgspec.structs.replace(seen.settings, foot=foot, plate=weighed, uncertainty=stated)
+        return replace(seen, settings=settings)
 
     @property
     def plate(self) -> Inertia:

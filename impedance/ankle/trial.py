@@ -210,7 +210,7 @@ def save_trial(folder: Path, trial: AnkleTrial) -> None:
     write_toml(folder / "trial.toml", msgspec.to_builtins(trial.settings))
     motion = (trial.plate_rad, trial.shank_rad, trial.wrench)
     rows = np.column_stack((trial.cycle + 1.0, trial.t_s, 100.0 * trial.stance, *motion))
-    columns = COLUMNS
+    columns: tuple[str, ...] = COLUMNS
     if trial.foot_rad is not None and trial.heel_rise_m is not None:
         rows, columns = np.column_stack((rows, trial.foot_rad, trial.heel_rise_m)), (*COLUMNS, *FOOT_COLUMNS)
     write_columns(folder / "cycles.csv", columns, rows)
@@ -327,4 +327,5 @@ def in_flat_foot(trial: AnkleTrial) -> BoolArray:
         return told
     up = told & (trial.heel_rise_m > flat.heel_rise_m)
     risen = np.concatenate([np.cumsum(up[trial.rows_of(c)]) > 0 for c in range(len(trial.perturbation))])
-    return told & ~risen
+    flat_now: BoolArray = told & ~risen
+    return flat_now

@@ -178,10 +178,10 @@ def corrected(wrench: FloatArray, rate_hz: float, value: FloatArray, moment_per_
     return found
 
 
-def updated(fit: EivFit, E: ComplexArray, before: Belief, at: FloatArray, power: float = 1.0) -> Belief:
+def updated(fit: EivFit, E: ComplexArray, before: Belief, at: FloatArray, power: float) -> Belief:
     """Return by (3) what is believed (q,) after the misfit of a fit that took the errors to be `at` (q,).
 
-    `power` is by how much the noise is larger than S says.
+    `power` is by how much the noise is larger than S says, 1 where it is not.
     """
     r: ComplexArray = fit.whitener @ fit.left[:, :, None]
     seen = E @ (before.root / np.sqrt(power))
@@ -211,7 +211,7 @@ def told(fit: EivFit, E: ComplexArray, errors: Errors, before: Belief, at: Float
     excess = float(product(r, r)[0, 0]) * max(0.0, 1.0 - 1.0 / fit.chi2_ratio)
     usual = np.maximum(errors_of(UncertaintySettings()).deviation, errors.deviation)
     wider = Belief(np.zeros(q), np.diag(usual)).with_independent(before.covariance[q:, q:])
-    after = updated(fit, E, wider, at)
+    after = updated(fit, E, wider, at, 1.0)
     value, deviation = after.mean[:q], np.sqrt(np.diag(after.covariance)[:q])
     tolerated = np.array([_NO_MATTER.get(kind, np.inf) for kind in errors.kind])
     sigmas = np.abs(value) / np.sqrt(errors.deviation**2 + deviation**2 + tolerated**2)

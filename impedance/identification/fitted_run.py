@@ -115,7 +115,7 @@ def fitted_run(recording: PlatformRecording, known: KnownBody | None, joint: boo
     before = _before(errors, streams, known).with_independent(test.lever_cov_m2)
     at, E, moved = np.zeros(len(before.mean)), _effects(problem, spectra, found, streams, known), known
     first = told(found, E, errors, before, at)
-    after = updated(found, E, before, at)
+    after = updated(found, E, before, at, 1.0)
     for _ in range(_MOST_UPDATES):
         if (np.abs(after.mean - at) <= _SETTLED * np.sqrt(np.diag(after.covariance))).all():
             break
@@ -126,7 +126,7 @@ def fitted_run(recording: PlatformRecording, known: KnownBody | None, joint: boo
         problem = problem_of(right, mechanism, noise, moved)
         found = fit(problem, spectra, found.vector)
         E = _effects(problem, spectra, found, right, moved)
-        after = updated(found, E, before, at)
+        after = updated(found, E, before, at, 1.0)
     checked = told(found, E, errors, before, at)
     if checked.refuted:
         raise UserError(f"recording: {refutation(first, checked)}")

@@ -31,6 +31,7 @@ from impedance.identification.spectra import Spectra
 from impedance.recording.recording import PlatformRecording, UncertaintySettings
 from messages.arrays import FloatArray
 from messages.constants import NORMAL_95
+from messages.errors import UserError
 
 _MISFIT_NOTED = 0.1
 _MASS_REFUTED = 4.0
@@ -128,11 +129,15 @@ def _plate(run: FittedRun, weighed: bool, notes: list[str]) -> Identification:
     reads = np.zeros(q + 10)
     reads[q] = 1.0
     reads[errors.where(WEIGHING)] = stated_kg
-    if run.streams.settings.uncertainty.mass_share is None:
+    stated = run.streams.settings.uncertainty
+    if stated.mass_share is None:
         reads[errors.where("gain")[0]] = stated_kg
     read_kg2 = weighing_deviation_kg(run.noise.force_n, run.streams.rate_hz) ** 2
     off_kg, open_kg2 = stated_kg - reads @ mean, reads @ covariance @ reads
-    if weighed and abs(off_kg) > _MASS_REFUTED * np.sqrt(open_kg2):
+    beyond = abs(off_kg) > _MASS_REFUTED * np.sqrt(open_kg2 + read_kg2)
+    if weighed and beyond and stated.mass_share is not None and stated.gain_share > 0.0:
+        raise UserError(_shared_gain("the plate", stated_kg, float(mean[q]), stated))
+    if weighed and beyond:
         notes.append(
             f"plate.mass_kg {stated_kg:g} is {abs(off_kg) / np.sqrt(open_kg2):.1f} deviations from what moves: not used"
         )
@@ -156,7 +161,36 @@ def _foot(run: FittedRun, notes: list[str]) -> Identification:
     of_lever = np.stack([(moving(unit) - moving(-unit)) @ vector / 2.0 for unit in np.eye(3)], axis=1)
     noise_covariance = to_foot @ run.noise_covariance @ to_foot.T
     covariance = noise_covariance + off @ off.T + settings.uncertainty.foot_origin_m**2 * of_lever @ of_lever.T
+    stated_kg, read_kg2 = settings.foot.mass_kg, settings.foot.mass_deviation_kg**2
+    if stated_kg is not None:
+        off_kg, open_kg2 = stated_kg - vector[0], covariance[0, 0]
+        if abs(off_kg) > _MASS_REFUTED * np.sqrt(open_kg2 + read_kg2):
+            raise UserError(_shared_gain("the foot", stated_kg, float(vector[0]), settings.uncertainty))
+        share, half = -off_kg / stated_kg, NORMAL_95 * float(np.sqrt(noise_covariance[0, 0] + read_kg2)) / stated_kg
+        notes.append(
+            f"the known mass of {stated_kg:g} kg is read {100.0 * share:+.3f} ± {100.0 * half:.3f} % off, beyond what "
+            "was found before: a gain of all channels alike, taken out"
+        )
+        vector = vector + covariance[:, 0] * off_kg / (open_kg2 + read_kg2)
+        covariance = covariance - np.outer(covariance[0], covariance[0]) / (open_kg2 + read_kg2)
+        noise_covariance = noise_covariance - np.outer(noise_covariance[0], noise_covariance[0]) / (
+            noise_covariance[0, 0] + read_kg2
+        )
+    elif settings.uncertainty.gain_share > 0.0:
+        notes.append(
+            "a gain that all channels share shows in no motion; that it is at most uncertainty.gain_share "
+            f"({100.0 * settings.uncertainty.gain_share:g} %) is believed: foot.mass_kg of another scale would tell it"
+        )
     return _finished("foot", KnownBody(vector, covariance), noise_covariance, run, notes)
+
+
+def _shared_gain(what: str, known_kg: float, read_kg: float, stated: UncertaintySettings) -> str:
+    """Return one line on a known mass that the force plate does not read as such."""
+    return (
+        f"recording: the force plate reads {what} of {known_kg:g} kg as {read_kg:.4g} kg, a gain of "
+        f"{100.0 * (read_kg / known_kg - 1.0):+.2f} % in all channels alike; uncertainty.gain_share is "
+        f"{stated.gain_share:g}: correct it, or state what the laboratory knows"
+    )
 
 
 def _stated_plate(recording: PlatformRecording) -> KnownBody | None:

@@ -73,10 +73,16 @@ class PlateSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 class FootSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Whether a foot is mounted on the plate, and where its frame's origin lies in P, measured to ±1 mm."""
+    """Whether a foot is mounted on the plate, and where its frame's origin lies in P, measured to ±1 mm.
+
+    `mass_kg` ± `mass_deviation_kg` where another scale weighed it, or it is a weight that was calibrated: only that
+    tells a gain which all channels of the force plate share.
+    """
 
     present: bool = False
     origin_in_plate_m: Triple = (0.0, 0.1814, 0.0)
+    mass_kg: Annotated[float, Meta(gt=0.0, le=500.0)] | None = None
+    mass_deviation_kg: Annotated[float, Meta(gt=0.0, le=50.0)] = 0.005
 
 
 class TareSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):

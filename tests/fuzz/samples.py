@@ -31,7 +31,7 @@ from messages.can_encoder import CanEncoder
 from messages.can_frames import CanFrame
 from messages.codec import encode_line
 from sim_rig.camera.depth_unit import draw_depth_unit
-from sim_rig.platform import ankle
+from sim_rig.platform import ankle, ankle_measured
 from sim_rig.platform.ankle_person import person
 from sim_rig.platform.rig import FOOT, PLATE, Rig
 from sim_rig.platform.run import RunSettings, measured, simulate
@@ -207,7 +207,7 @@ def trial_files() -> dict[str, bytes]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         run = ankle.walk(person(5), [Perturbation.RANDOM, Perturbation.NONE], 5, slope_deg=5.0)
-        save_trial(folder, ankle.measured(run, ankle.AnkleNoise(), 5))
+        save_trial(folder, ankle_measured.measured(run, ankle_measured.AnkleNoise(), 5))
         return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 

@@ -105,6 +105,39 @@ def test_gain_crosstalk_axes_and_delay_together_stay_inside_the_intervals(foot: 
     assert any(note.startswith("force_delay") and "+0.300" in note for note in found.notes)
 
 
+def known_mass(seen: PlatformRecording, mass_kg: float) -> PlatformRecording:
+    """Return the recording of a foot that another scale weighed."""
+    foot = msgspec.structs.replace(seen.settings.foot, mass_kg=mass_kg)
+    return replace(seen, settings=msgspec.structs.replace(seen.settings, foot=foot))
+
+
+def test_a_gain_that_all_channels_share_is_told_by_a_known_weight(
+    plate: PlatformRecording, foot: PlatformRecording
+) -> None:
+    known = identify(uncertain(instrumented(noisy(plate, 6), 1.05 * np.eye(6)))).known
+    faulty = uncertain(instrumented(noisy(foot, 5), 1.05 * np.eye(6)))
+    silent = identify(faulty, known)
+    assert silent.estimate[0] == pytest.approx(1.05 * FOOT.mass_kg, rel=5e-3)
+    assert any("shows in no motion" in note for note in silent.notes)
+    with pytest.raises(UserError, match=r"reads the foot of 22.7 kg as 23.8\d* kg, a gain of \+4.9.* in all channels"):
+        identify(known_mass(faulty, FOOT.mass_kg), known)
+
+
+def test_a_known_weight_takes_a_small_gain_out(foot: PlatformRecording) -> None:
+    slight = uncertain(instrumented(noisy(foot, 5), 1.004 * np.eye(6)))
+    found = identify(known_mass(slight, FOOT.mass_kg))
+    assert all(holds(found, about_cog(FOOT.vector)).values())
+    assert found.estimate[0] == pytest.approx(FOOT.mass_kg, abs=0.02)
+    assert found.observability.deviation[0] == pytest.approx(0.005, rel=0.05)
+    assert any("is read -0.2" in note and "taken out" in note for note in found.notes)
+
+
+def test_a_plate_that_another_scale_weighed_tells_the_gain(plate: PlatformRecording) -> None:
+    faulty = instrumented(noisy(plate, 6), 1.05 * np.eye(6))
+    with pytest.raises(UserError, match=r"reads the plate of 4\.64\d* kg as .* in all channels alike"):
+        identify(uncertain(faulty, mass_share=0.001))
+
+
 @pytest.mark.parametrize(
     ("matrix", "delay_s", "said"),
     [
