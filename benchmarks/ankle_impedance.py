@@ -7,31 +7,63 @@ the relative error over stance. VAF is that of K x + B ẋ + I θ̈, fitted agai
 it. The bound is the mean error of the best estimate that knows everything else (Cramér and Rao): K and B of five
 splines each, and I, in white noise alone. With --delay-ms the wrench is late, or early, by a time drawn for each person
 within that, of which nothing is told but the usual deviation. The equilibrium angle is that of the person, not of these
-steps. An axis is refused as the table refuses it.
+steps. An axis is refused as the table refuses it. Mock-ups have springs and dampers drawn for each seed, every other one
+on a rubber sole.
 """
 
 import argparse
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from impedance.ankle.impedance import AXES, identify
 from impedance.ankle.motion import bodies_of, motion_of
 from impedance.ankle.shapes import spline
 from impedance.ankle.table import table_of
-from impedance.ankle.trial import Perturbation
+from impedance.ankle.trial import Ankle, AnkleTrial, Perturbation
 from messages.arrays import BoolArray, FloatArray
 from sim_rig.platform.ankle import AnkleRun, walk
 from sim_rig.platform.ankle_known import FLAT_FOOT
 from sim_rig.platform.ankle_measured import AT_15_DB, SENSOR_NOISE, AnkleNoise, late, measured
-from sim_rig.platform.ankle_person import person
+from sim_rig.platform.ankle_person import Person, mockup, person
 from sim_rig.platform.ankle_truth import true_equilibrium
 
+
+def _shod(seed: int) -> Person:
+    return person(seed, shod=True)
+
+
+def _mockup(seed: int) -> Person:
+    """Return a mock-up whose spring and damper differ from seed to seed."""
+    rng = np.random.default_rng((seed, 5))
+    return mockup(float(rng.uniform(120.0, 450.0)), float(rng.uniform(0.8, 3.0)), shod=bool(seed % 2))
+
+
+@dataclass(frozen=True)
+class Case:
+    """Who walks how, and what is known: the ankle's centre to `centre_m`, the foot's angle unless it is `unseen`."""
+
+    name: str
+    kind: Perturbation = Perturbation.RANDOM
+    cycles: int = 10
+    unperturbed: int = 0
+    noise: AnkleNoise = AT_15_DB
+    who: Callable[[int], Person] = person
+    centre_m: float | None = None
+    unseen: bool = False
+
+
 CASES = (
-    ("random, 10 cycles, 15 dB", Perturbation.RANDOM, 10, 0, AT_15_DB),
-    ("random, 10 cycles, the sensors' own noise", Perturbation.RANDOM, 10, 0, SENSOR_NOISE),
-    ("ramps, 10 cycles + 10 unperturbed, 15 dB", Perturbation.RAMP, 10, 10, AT_15_DB),
-    ("ramps, 10 cycles + 10 unperturbed, the sensors' own noise", Perturbation.RAMP, 10, 10, SENSOR_NOISE),
+    Case("random, 10 cycles, 15 dB"),
+    Case("random, 10 cycles, the sensors' own noise", noise=SENSOR_NOISE),
+    Case("protocol, 10 cycles + 20 unperturbed, ankle's centre to 0.5 mm, 15 dB", unperturbed=20, centre_m=5e-4),
+    Case("shod, 10 cycles, 15 dB", who=_shod),
+    Case("shod but the foot unseen, 10 cycles, 15 dB", who=_shod, unseen=True),
+    Case("mock-up, 10 runs of 1.5 s, the sensors' own noise", noise=SENSOR_NOISE, who=_mockup),
+    Case("ramps, 10 cycles + 10 unperturbed, 15 dB", Perturbation.RAMP, unperturbed=10),
+    Case("ramps, 10 cycles + 10 unperturbed, the sensors' own noise", Perturbation.RAMP, 10, 10, SENSOR_NOISE),
 )
 _BOUND_SPLINES = 5
 _MEAN_OF_NORMAL = float(np.sqrt(2.0 / np.pi))
@@ -51,18 +83,18 @@ class Outcome:
     equilibrium_deg: FloatArray
     equilibrium_covered: FloatArray
     refused: FloatArray
+    cross_error: FloatArray
+    cross_covered: FloatArray
     inertia_off: FloatArray
     """The foot's moment of inertia minus the truth, in its own standard deviations."""
 
 
-def outcome(
-    kind: Perturbation, cycles: int, unperturbed: int, noise: AnkleNoise, seed: int, within_s: float = 0.0
-) -> Outcome:
+def outcome(case: Case, seed: int, within_s: float = 0.0) -> Outcome:
     """Return how well one seed's trial is identified, its wrench late by a time drawn within ± `within_s`."""
-    run = walk(person(seed), [kind] * cycles + [Perturbation.NONE] * unperturbed, seed)
+    run = walk(case.who(seed), [case.kind] * case.cycles + [Perturbation.NONE] * case.unperturbed, seed)
     delay_s = within_s * float(np.random.default_rng((seed, 4)).uniform(-1.0, 1.0))
     heard = late(run, delay_s) if delay_s else run
-    trial = measured(heard, noise, seed)
+    trial = known(measured(heard, case.noise, seed), run.person, case, seed)
     found = identify(trial)
     rest = true_equilibrium(run, found.stance)
     shown = table_of(trial, found)
@@ -85,8 +117,24 @@ def outcome(
         inside = (one.equilibrium.low <= rest[:, axis]) & (rest[:, axis] <= one.equilibrium.high)
         refused = float(any("refused" in reason for reason in shown.axes()[axis].not_identifiable))
         bounds = _bounds(run, counted, axis, float(noise_nm[axis]), found.stance, K, B)
-        rows.append([*errors, *bounds, *covered, vaf, off_deg, float(inside.mean()), refused, inertia_off])
+        across, cross = run.person.cross_stiffness(found.stance), one.cross_stiffness
+        held = float(((cross.low <= across) & (across <= cross.high)).mean())
+        off_across = float(np.abs(cross.value - across).mean())
+        rows.append(
+            [*errors, *bounds, *covered, vaf, off_deg, float(inside.mean()), refused, off_across, held, inertia_off]
+        )
     return Outcome(*np.array(rows).T)
+
+
+def known(trial: AnkleTrial, who: Person, case: Case, seed: int) -> AnkleTrial:
+    """Return the trial with what the case knows of the ankle's centre and of the foot."""
+    if case.unseen:
+        trial = replace(trial, foot_rad=None, heel_rise_m=None)
+    if case.centre_m is None:
+        return trial
+    x, y, z = (who.ankle_P_m + case.centre_m * np.random.default_rng((seed, 6)).standard_normal(3)).tolist()
+    ankle = Ankle((x, y, z), case.centre_m)
+    return replace(trial, settings=msgspec.structs.replace(trial.settings, ankle=ankle))
 
 
 def _bounds(
@@ -118,10 +166,10 @@ def main() -> None:
     parser.add_argument("--only", default="", help="cases whose name holds this")
     arguments = parser.parse_args()
     first, last = (int(each) for each in arguments.seeds.split("-"))
-    for name, kind, cycles, unperturbed, noise in (case for case in CASES if arguments.only in case[0]):
+    for case in (case for case in CASES if arguments.only in case.name):
         within_s = 1e-3 * arguments.delay_ms
-        outcomes = [outcome(kind, cycles, unperturbed, noise, seed, within_s) for seed in range(first, last + 1)]
-        print(f"{name}; seeds {first} to {last}")
+        outcomes = [outcome(case, seed, within_s) for seed in range(first, last + 1)]
+        print(f"{case.name}; seeds {first} to {last}")
         for axis, label in enumerate(AXES):
             got = {key: np.array([getattr(each, key)[axis] for each in outcomes]) for key in Outcome.__annotations__}
             for what in ("stiffness", "damping"):
@@ -135,6 +183,10 @@ def main() -> None:
             print(
                 f"  {label}, equilibrium angle: mean error {off_deg.mean():.2f}° (worst {off_deg.max():.2f}), 95 % "
                 f"intervals cover {100 * got['equilibrium_covered'].mean():.1f} %; refused {got['refused'].sum():.0f}"
+            )
+            print(
+                f"  {label}, stiffness by the other axis: mean error {got['cross_error'].mean():.2f} N·m/rad, 95 % "
+                f"intervals cover {100 * got['cross_covered'].mean():.1f} %"
             )
             vaf = 100.0 * got["vaf"]
             print(
