@@ -7,8 +7,8 @@ the relative error over stance. VAF is that of K x + B ẋ + I θ̈, fitted agai
 it. The bound is the mean error of the best estimate that knows everything else (Cramér and Rao): K and B of five
 splines each, and I, in white noise alone. With --delay-ms the wrench is late, or early, by a time drawn for each person
 within that, of which nothing is told but the usual deviation. The equilibrium angle is that of the person, not of these
-steps. An axis is refused as the table refuses it. Mock-ups have springs and dampers drawn for each seed, every other one
-on a rubber sole.
+steps. An axis is refused as the table refuses it. Mock-ups have springs and dampers drawn for each seed, every other
+one on a rubber sole.
 """
 
 import argparse
