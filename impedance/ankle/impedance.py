@@ -41,6 +41,9 @@ _REFLEX_LAGS = 6
 _REFLEX_PHASES = 3
 _CROSS_SPLINES = 4
 _DELAY_ROUNDS = 2
+_DELAY_SOUGHT_S = 1e-3
+_DELAY_TOLERATED_S = 1e-4
+_REFUTED = 5.0
 _UNPERTURBED = "events.csv: no cycle is perturbed with the foot flat; nothing tells stiffness from torque"
 _INERTIA_PLACE = (6, 4)
 """Of J_zz and J_xx about A among a body's ten parameters."""
@@ -114,8 +117,9 @@ def identify(trial: AnkleTrial, points: int = 29) -> AnkleImpedance:
     told = trial.settings.instruments
     delay_s, deviation_s = told.delay_s, told.delay_deviation_s
     for _ in range(_DELAY_ROUNDS if deviation_s > 0.0 else 0):
-        seen = _identify_at(_with_delay(trial, delay_s, told.delay_deviation_s), points, Prior.UNIT)
-        delay_s, deviation_s = _joined(told, delay_s, seen.axes)
+        wide_s = max(told.delay_deviation_s, _DELAY_SOUGHT_S)
+        seen = _identify_at(_with_delay(trial, delay_s, wide_s), points, Prior.UNIT)
+        delay_s, deviation_s = _joined(told, delay_s, wide_s, seen.axes)
     found = _identify_at(_with_delay(trial, delay_s, deviation_s), points, Prior.CONSIDERED)
     return replace(found, delay_s=delay_s, delay_deviation_s=deviation_s)
 
@@ -125,15 +129,27 @@ def _with_delay(trial: AnkleTrial, delay_s: float, deviation_s: float) -> AnkleT
     return replace(trial, settings=msgspec.structs.replace(trial.settings, instruments=instruments))
 
 
-def _joined(told: Instruments, at_s: float, axes: tuple[AxisImpedance, AxisImpedance]) -> tuple[float, float]:
-    """Return the delay and its deviation, of what is told of it and of what both axes say about `at_s`."""
-    variance = told.delay_deviation_s**2
-    information, pull = 1.0 / variance, told.delay_s / variance
-    for axis in axes:
-        value, left = axis.delay
-        information += (1.0 / left - 1.0) / variance
-        pull += (1.0 / left - 1.0) * at_s / variance + value / left / told.delay_deviation_s
-    return pull / information, information**-0.5
+def _joined(
+    told: Instruments, at_s: float, wide_s: float, axes: tuple[AxisImpedance, AxisImpedance]
+) -> tuple[float, float]:
+    """Return the delay and its deviation, of what is told of it and of what both axes say about `at_s`.
+
+    The axes were asked with a deviation of `wide_s` before. Raises UserError where they refute what is told.
+    """
+    information = sum((1.0 / left - 1.0) / wide_s**2 for _, left in (axis.delay for axis in axes))
+    pull = sum(value / left / wide_s for value, left in (axis.delay for axis in axes))
+    if information > 0.0:
+        seen_s, deviation_s = at_s + pull / information, information**-0.5
+        unsure_s = float(np.hypot(deviation_s, told.delay_deviation_s))
+        if abs(seen_s - told.delay_s) > _DELAY_TOLERATED_S + _REFUTED * unsure_s:
+            raise UserError(
+                f"trial.toml: both axes tell a delay of the wrench of {1e3 * seen_s:+.3f} ± "
+                f"{1e3 * NORMAL_95 * deviation_s:.3f} ms, instruments.delay_s is {told.delay_s:.4g} ± "
+                f"{told.delay_deviation_s:.2g} s: cables, rates or filters are not those it was found with"
+            )
+    before = told.delay_deviation_s**-2
+    joined_s = (told.delay_s * before + at_s * information + pull) / (before + information)
+    return joined_s, float((before + information) ** -0.5)
 
 
 def _identify_at(trial: AnkleTrial, points: int, delay_prior: Prior) -> AnkleImpedance:

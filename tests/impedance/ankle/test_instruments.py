@@ -11,6 +11,7 @@ pytest.importorskip("mujoco")
 from impedance.ankle.impedance import identify
 from impedance.ankle.table import MOST_HALF_SHARE, table_of
 from impedance.ankle.trial import AnkleTrial, Perturbation
+from messages.errors import UserError
 from sim_rig.platform.ankle import AnkleRun, walk
 from sim_rig.platform.ankle_measured import AT_15_DB, SENSOR_NOISE, late, measured
 from sim_rig.platform.ankle_person import person
@@ -53,6 +54,12 @@ def test_a_delay_that_is_known_is_taken_out(run: AnkleRun) -> None:
     known = trial_of(run, 1e-3, delay_s=1e-3, delay_deviation_s=0.0)
     assert identify(known).delay_s == 1e-3
     assert damping_error(run, known) < 0.03
+
+
+def test_a_delay_that_both_axes_refute_is_refused(run: AnkleRun) -> None:
+    wrong = trial_of(run, 1e-3, delay_s=0.0, delay_deviation_s=2e-6)
+    with pytest.raises(UserError, match=r"a delay of the wrench of \+(0.9|1.0)\d* ± .* ms, instruments.delay_s is 0 ±"):
+        identify(wrong)
 
 
 @pytest.mark.long
