@@ -25,6 +25,8 @@ from sim_rig.platform.ankle_person import person
 PLATE_MARKERS = {"P1": (0.2, 0.0, 0.1), "P2": (-0.2, 0.0, 0.1), "P3": (-0.2, 0.01, -0.1)}
 SHANK_MARKERS = {"S1": (0.0, 0.1, 0.03), "S2": (0.0, 0.3, 0.03), "S3": (0.04, 0.2, -0.02)}
 CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+FOOT_MARKERS = {"F1": (0.0, 0.05, 0.0), "F2": (0.12, 0.06, 0.03), "F3": (0.12, 0.05, -0.03)}
+HEEL_M = (-0.05, 0.0, 0.0)
 BETWEEN = 40
 
 
@@ -49,6 +51,10 @@ def write(folder: Path, trial: AnkleTrial, **layout: object) -> tuple[Path, Path
     points = np.concatenate(
         (markers(trial.plate_rad[row], PLATE_MARKERS), markers(trial.shank_rad[row], SHANK_MARKERS)), 1
     )
+    names = [*PLATE_MARKERS, *SHANK_MARKERS]
+    if trial.foot_rad is not None:
+        points = np.concatenate((points, markers(trial.foot_rad[row], FOOT_MARKERS)), 1)
+        names += FOOT_MARKERS
     labels, contexts, seconds, first = [], [], [], 0
     for rows in stances:
         step = (trial.stance[rows[-1]] - trial.stance[rows[0]]) / (len(rows) - 1)
@@ -62,7 +68,7 @@ def write(folder: Path, trial: AnkleTrial, **layout: object) -> tuple[Path, Path
     parameters = file["parameters"]
     parameters["POINT"]["RATE"]["value"] = [rate_hz]
     parameters["POINT"]["UNITS"]["value"] = ["m"]
-    parameters["POINT"]["LABELS"]["value"] = [*PLATE_MARKERS, *SHANK_MARKERS]
+    parameters["POINT"]["LABELS"]["value"] = names
     parameters["ANALOG"]["RATE"]["value"] = [rate_hz]
     parameters["ANALOG"]["LABELS"]["value"] = list(CHANNELS)
     parameters["ANALOG"]["UNITS"]["value"] = ["N"] * 3 + ["N.m"] * 3
@@ -122,3 +128,24 @@ def test_what_a_trials_c3d_file_lacks_is_named(trial: AnkleTrial, tmp_path: Path
 def test_a_stance_without_a_ramp_is_unperturbed(trial: AnkleTrial, tmp_path: Path) -> None:
     found, _ = read_c3d_trial(*write(tmp_path, trial, perturbation="ramp"))
     assert found.perturbation == (Perturbation.NONE,) * 3
+
+
+def test_the_foots_markers_tell_its_angle_and_when_the_heel_rises(tmp_path: Path) -> None:
+    shod = walk(person(5, shod=True), [Perturbation.RANDOM, Perturbation.RANDOM], 5)
+    quiet = measured(shod, AnkleNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 5)
+    layout = {"foot_markers": {name: list(at) for name, at in FOOT_MARKERS.items()}, "heel_in_foot_m": list(HEEL_M)}
+    found, _ = read_c3d_trial(*write(tmp_path, quiet, **layout))
+    assert found.foot_rad is not None
+    assert found.heel_rise_m is not None
+    assert quiet.foot_rad is not None
+    at = np.linspace(0.1, 0.95, 9)
+    for cycle in range(2):
+        ours, theirs = found.rows_of(cycle), quiet.rows_of(cycle)
+        for axis in range(2):
+            seen = np.interp(at, found.stance[ours], found.foot_rad[ours, axis])
+            walked = np.interp(at, quiet.stance[theirs], quiet.foot_rad[theirs, axis])
+            np.testing.assert_allclose(seen, walked, atol=2e-3)
+        late = found.heel_rise_m[ours][found.stance[ours] > 0.9]
+        early = found.heel_rise_m[ours][(found.stance[ours] > 0.1) & (found.stance[ours] < 0.45)]
+        assert late.min() > 0.01
+        assert np.abs(early).max() < 3e-3
