@@ -102,6 +102,7 @@ def outcome(case: Case, seed: int, within_s: float = 0.0) -> Outcome:
     noise_nm = np.std((trial.wrench - heard.wrench)[:, [5, 3]], axis=0)
     truths = run.person.stiffness(found.stance), run.person.damping(found.stance)
     noise_free = motion_of(measured(run, AnkleNoise(0.0, 0.0, 0.0, 0.0), seed), bodies_of(trial.settings))
+    both = np.isin(found.rows, noise_free.rows)
     rows = []
     for axis, one in enumerate(found.axes):
         (K, B), curves = (truth[:, axis] for truth in truths), (one.stiffness, one.damping)
@@ -110,8 +111,8 @@ def outcome(case: Case, seed: int, within_s: float = 0.0) -> Outcome:
             float(((curve.low <= true) & (true <= curve.high)).mean())
             for curve, true in zip(curves, (K, B), strict=True)
         ]
-        off = one.fitted_nm - noise_free.moment[np.isin(noise_free.rows, found.rows), axis]
-        vaf = 1.0 - off[run.perturbed[found.rows]].var() / run.intrinsic_nm[counted, axis].var()
+        off = one.fitted_nm[both] - noise_free.moment[np.isin(noise_free.rows, found.rows), axis]
+        vaf = 1.0 - off[run.perturbed[found.rows[both]]].var() / run.intrinsic_nm[counted, axis].var()
         inertia_off = (one.inertia_kgm2 - run.foot_about_ankle_kgm2[axis]) / one.inertia_deviation_kgm2
         off_deg = float(np.rad2deg(np.abs(one.equilibrium.value - rest[:, axis]).mean()))
         inside = (one.equilibrium.low <= rest[:, axis]) & (rest[:, axis] <= one.equilibrium.high)
