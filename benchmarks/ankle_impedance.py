@@ -101,7 +101,8 @@ def outcome(case: Case, seed: int, within_s: float = 0.0) -> Outcome:
     counted = run.perturbed & np.isin(np.arange(len(run.t_s)), found.rows)
     noise_nm = np.std((trial.wrench - heard.wrench)[:, [5, 3]], axis=0)
     truths = run.person.stiffness(found.stance), run.person.damping(found.stance)
-    noise_free = motion_of(measured(run, AnkleNoise(0.0, 0.0, 0.0, 0.0), seed), bodies_of(trial.settings))
+    exact = replace(measured(run, AnkleNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), seed), settings=trial.settings)
+    noise_free = motion_of(exact, bodies_of(trial.settings))
     both = np.isin(found.rows, noise_free.rows)
     rows = []
     for axis, one in enumerate(found.axes):

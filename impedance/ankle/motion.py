@@ -98,7 +98,8 @@ def motion_of(trial: AnkleTrial, bodies: Bodies) -> AnkleMotion:
         own = trial.rows_of(cycle)
         later, rate = _later(trial, cycle)
         all_wrench[own] = trial.wrench[own] + later
-        measured_rate[own] = (rate[:, 3:] - np.cross(A, rate[:, :3]))[:, axes]
+        moved = trial.perturbation[cycle] is not Perturbation.NONE  # without it the rate is noise, which dims the delay
+        measured_rate[own] = (rate[:, 3:] - np.cross(A, rate[:, :3]))[:, axes] if moved else 0.0
     plate, shank, wrench = plate[:, rows], shank[:, rows], all_wrench[rows]
     turned, given = _vector(slip.angle), _vector(slip.answer[2])
     L_m = settings.joint_to_surface_m
