@@ -22,7 +22,7 @@ import numpy as np
 
 from impedance.body.geometry import PLATFORM_GRAVITY_MPS2
 from impedance.recording.plain_files import read_table, read_toml, write_table, write_toml
-from impedance.recording.table import has_columns, read_columns, write_columns
+from impedance.recording.table import header_of, read_columns, write_columns
 from messages.arrays import BoolArray, FloatArray, IntArray
 from messages.checked import checked
 from messages.errors import UserError
@@ -182,7 +182,7 @@ def load_trial(folder: Path) -> AnkleTrial:
     settings_path, cycles_path, events_path = (folder / n for n in ("trial.toml", "cycles.csv", "events.csv"))
     settings = checked(read_toml(settings_path), TrialSettings, str(settings_path))
     _check_settings(settings, settings_path)
-    columns = has_columns(cycles_path, FOOT_COLUMNS)
+    columns = not set(header_of(cycles_path)).isdisjoint(FOOT_COLUMNS)
     rows = _numbers(cycles_path, (*COLUMNS, *FOOT_COLUMNS) if columns else COLUMNS)
     events = read_table(events_path, EVENT_COLUMNS)
     names, cycle = np.unique(rows[:, 0], return_inverse=True)

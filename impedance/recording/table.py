@@ -12,16 +12,6 @@ from messages.arrays import FloatArray
 from messages.errors import UserError
 
 
-def has_columns(path: Path, columns: Sequence[str]) -> bool:
-    """Tell whether the header names any of `columns`; False where the file cannot be read."""
-    try:
-        with path.open(encoding="utf-8-sig") as file:
-            header = file.readline()
-    except (OSError, UnicodeDecodeError):
-        return False
-    return not {name.strip() for name in header.split(",")}.isdisjoint(columns)
-
-
 def read_columns(path: Path, columns: Sequence[str]) -> FloatArray:
     """Return the numbers (n, c) of `columns`, in that order; an empty cell or `nan` is NaN, other columns are left out.
 
