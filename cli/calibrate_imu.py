@@ -94,7 +94,7 @@ def noise(
     Leave the unit alone on something that does not shake, for ten minutes or more.
     """
     from calib.imu.allan import noise_of
-    from cli.console import check_writable, write_json
+    from cli.console import check_writable, console, write_json
 
     check_writable(json)
     where = _where(sources, config)
@@ -107,6 +107,8 @@ def noise(
     )
     axes, rest_s = noise_of(logs, where)
     _tell_noise(axes, rest_s, where, in_counts={log.acc_is_scaled for log in logs} != {True})
+    for note in dict.fromkeys(note for log in logs for note in log.notes):
+        console.print(note, soft_wrap=True, highlight=False, markup=False)
     if json is not None:
         write_json(json, {"source": where, "rest_s": rest_s, "axes": [_noise_facts(axis) for axis in axes]})
 
