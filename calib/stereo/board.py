@@ -20,9 +20,11 @@ CORNERS = (3, 40)
 """Inner corners along an edge of a board."""
 DICTIONARIES = tuple(sorted({name.upper() for name in dir(cv2.aruco) if name.startswith("DICT_")}))
 _SMOOTHING_PX = 1.0
-_WINDOW_SHARE, _WINDOW_PX = 0.45, (3, 15)
-"""Half a window, as a share of the distance to the nearest corner, and its bounds: no other corner may be in it."""
-_ASTRAY_PX = 0.5
+_WINDOW_SHARE, _WINDOW_PX = 0.45, 25
+"""Half a window, as a share of the distance to the nearest corner, and the most: no other corner may be in it."""
+_SMALLEST_SHARE, _SMALLEST_PX = 0.2, (3, 12)
+_ASTRAY_SHARE, _ASTRAY_PX = 0.02, 0.5
+"""By how much the larger window may lead elsewhere, of the same distance, and at least: blur grows with the picture."""
 _SUBPIXEL = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-4)
 _LEAST_SHARE = 0.25
 """Of a ChArUco board's corners that a picture must show; at least `_LEAST_CORNERS`."""
@@ -153,10 +155,13 @@ def _refined(picture: GreyImage, px: FloatArray) -> FloatArray:
     smooth: GreyImage = cv2.GaussianBlur(picture, (0, 0), _SMOOTHING_PX).astype(np.uint8, copy=False)
     apart = np.linalg.norm(px[:, None] - px[None], axis=-1)
     np.fill_diagonal(apart, np.inf)
-    smallest = _in_windows(smooth, px, np.full(len(px), _WINDOW_PX[0]))
-    half_px = np.clip((_WINDOW_SHARE * apart.min(axis=1)).astype(int), *_WINDOW_PX)
+    nearest = apart.min(axis=1)
+    least_px = np.clip((_SMALLEST_SHARE * nearest).astype(int), *_SMALLEST_PX)
+    smallest = _in_windows(smooth, px, least_px)
+    half_px = np.clip((_WINDOW_SHARE * nearest).astype(int), least_px, _WINDOW_PX)
     refined = _in_windows(smooth, smallest, half_px)
-    astray = np.linalg.norm(refined - smallest, axis=1) > _ASTRAY_PX
+    moved = np.linalg.norm(refined - smallest, axis=1)
+    astray = moved > np.maximum(_ASTRAY_PX, _ASTRAY_SHARE * nearest)
     refined[astray] = smallest[astray]
     return refined
 
