@@ -38,7 +38,9 @@ def test_factory_values_alone_make_a_file_that_says_what_is_nominal(
     assert json.loads(facts.read_bytes())["id"] == made.id
     assert "calibrate them before anybody walks with this unit" in capsys.readouterr().out
 
-    with pytest.raises(UserError, match=r"new\.yaml: exists already; --into .*new\.yaml changes its pair, --out names another file"):
+    with pytest.raises(
+        UserError, match=r"new\.yaml: exists already; --into .*new\.yaml changes its pair, --out names another file"
+    ):
         calibrate_zed(zed, "--out", out)
     assert load_calibration(out) == made
 
