@@ -1,8 +1,8 @@
 """From an empty folder to a unit that `gaiteyes check` calls fit, by the README's own commands in the README's order.
 
-The machine's devices are emulated, without a CAN bus: nodes that are found, a chip behind its registers that a person lays on
-its faces, a camera before which a board is held. The walks are recordings of the rig, each made with the calibration
-that the file has by then. All belongs to one unit, whose true values nobody is told.
+The machine's devices are emulated, without a CAN bus: nodes that are found, a chip behind its registers that a person
+lays on its faces, a camera before which a board is held. The walks are recordings of the rig, each made with the
+calibration that the file has by then. All belongs to one unit, whose true values nobody is told.
 """
 
 import dataclasses
