@@ -177,7 +177,7 @@ def _stamped(frame: "StereoFrame", shift_s: float) -> "StereoFrame":
 
 
 def _tell(made: "Mounted", file: Path) -> None:
-    from cli.console import table
+    from cli.console import console, table
     from messages.constants import NORMAL_95
 
     degrees = math.degrees(1.0)
@@ -194,6 +194,12 @@ def _tell(made: "Mounted", file: Path) -> None:
     rows.append(["pictures later than stamped", f"{1e3 * made.lag_s:+.2f}", f"± {half_ms:.2f}", "ms"])
     rows.append(["distances too long (not changed)", f"{100 * made.scale:+.2f}", f"± {half_percent:.2f}", "%"])
     table(f"{file}: against what it said before", ["", "value", "95 %", "unit"], rows)
+    console.print(
+        "Distances stay as they are: a walk does not tell a wrong baseline from a toe-in, and finds distances a quarter of "
+        "a per cent too long where they are right. `calibrate stereo` tells them.",
+        soft_wrap=True,
+        highlight=False,
+    )
 
 
 def _facts(made: "Mounted") -> dict[str, object]:
