@@ -52,7 +52,10 @@ def first_plane(command: Path, program: str) -> None:
         told("the page is served")
         with browser(program) as page:
             page.open(url)
-            page.wait_until(PLANE)
+            try:
+                page.wait_until(PLANE)
+            except AssertionError:
+                sys.exit(f"no plane within two minutes; the page says: {page.evaluate('document.body.innerText')}")
             told("first plane in the browser")
     finally:
         for process in (view, demo):
