@@ -152,7 +152,8 @@ def _measured(config: Path, seconds: float, line: Callable[["ImuLog"], str]) -> 
     from daemon.config import load_configuration
 
     device = devices.build_imu(load_configuration(config).imu)
-    device.open()
+    with devices.next_step_named():
+        device.open()
     samples = list["ImuSample"]()
     try:
         with LiveLine() as shown:

@@ -151,7 +151,8 @@ def _live_views(board: "Board", config: Path, known: "Calibration | None", secon
     from messages import StereoFrame
 
     settings = load_configuration(config).camera
-    camera = devices.camera_opener(settings, known or uncalibrated_unit("nominal", nominal_pair()))()
+    with devices.next_step_named():
+        camera = devices.camera_opener(settings, known or uncalibrated_unit("nominal", nominal_pair()))()
     views, start_s, frames = Views(board, moving=True), time.monotonic(), 0
     try:
         with LiveLine() as line:

@@ -155,5 +155,7 @@ def test_a_missing_recording_or_device_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"none\.mcap"):
         calibrate_wearer(file, "--from", tmp_path / "none.mcap")
     config.write_text("[imu]\nbus = 254\n", encoding="utf-8")
-    with pytest.raises(UserError, match="254"):
+    with pytest.raises(UserError, match=r"254.*; `gaiteyes check` looks at each device and says what to do"):
         calibrate_wearer(file, "--config", config)
+    with pytest.raises(UserError, match=r"254.*; `gaiteyes check` looks at each device and says what to do"):
+        app(["calibrate", "imu", str(file), "--config", str(config)], standalone_mode=False)
