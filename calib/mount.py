@@ -38,6 +38,11 @@ which the odometer errs alike from step to step while walking, and of its stamps
 errors on rendered ones (`python -m benchmarks.mounting`, seeds below 100)."""
 
 
+BEGINNINGS_S = (0.0, -8e-3, 8e-3, -16e-3, 16e-3)
+"""By what the stamps are taken to be off where the first pass begins, one after the other until camera and IMU agree:
+stamps that are off by more than about 6 ms are a contradiction for the filter, and it learns nothing."""
+
+
 class Found(NamedTuple):
     """What a pass over a walk has told: the errors of mounting and sensors at its end, of the calibration it ran with,
     and the die's mean temperature, °C."""
@@ -75,13 +80,17 @@ def doubted(known: Calibration, *, first: bool) -> Calibration:
     )
 
 
+def stamped_later(known: Calibration, by_s: float) -> Calibration:
+    """Return `known` with pictures that are taken `by_s` later than it says."""
+    later_s = known.stereo.stamp_to_mid_exposure_s + by_s
+    return msgspec.structs.replace(known, stereo=msgspec.structs.replace(known.stereo, stamp_to_mid_exposure_s=later_s))
+
+
 def brought_near(known: Calibration, found: MountingErrors) -> Calibration:
     """Return `known` with (1) for the camera's angles and stamps."""
     R_BL = so3.exp(np.array(found.turn_B)) @ np.array(known.X_BL.R)
-    stereo = msgspec.structs.replace(
-        known.stereo, stamp_to_mid_exposure_s=known.stereo.stamp_to_mid_exposure_s + found.lag_s
-    )
-    return msgspec.structs.replace(known, X_BL=msgspec.structs.replace(known.X_BL, R=matrix3(R_BL)), stereo=stereo)
+    turned = msgspec.structs.replace(known, X_BL=msgspec.structs.replace(known.X_BL, R=matrix3(R_BL)))
+    return stamped_later(turned, found.lag_s)
 
 
 def mounted(before: Calibration, near: Calibration, found: Found, where: str) -> Mounted:
