@@ -143,8 +143,10 @@ def test_six_commands_lead_to_a_unit_that_is_fit(unit: Unit, monkeypatch: pytest
     assert run(*mount, "--from", str(recorded(Path("walk.mcap"), 42.0, walk))) == 0
     Path("walk.mcap").unlink()
     made = load_calibration(Path("calibration.yaml"))
-    turn = so3.log(np.array(made.X_BE.R) @ np.array(unit.X_BL.R).T)
-    assert np.degrees(np.abs(turn)).max() < 0.2
+    # B may have turned with the accelerometer's cross-axis terms: what counts is how the camera stands to the chip's axes
+    by_file = np.array(made.X_BE.R).T @ np.array(made.imu.sf_matrix)
+    by_truth = np.array(unit.X_BL.R).T @ np.linalg.inv(unit.chip.sf_matrix)
+    assert np.degrees(np.abs(so3.log(by_file @ np.linalg.inv(by_truth)))).max() < 0.15
 
     there = (Stand(3.0), Walk(9.0, 1.2, 1.8), Stand(4.0), Walk(12.0, 1.2, 1.8))
     assert run(*wearer, "--from", str(recorded(Path("walk.mcap"), 14.0, there))) == 0
