@@ -143,7 +143,7 @@ def test_six_commands_lead_to_a_unit_that_is_fit(unit: Unit, monkeypatch: pytest
     assert run(*mount, "--from", str(recorded(Path("walk.mcap"), 42.0, walk))) == 0
     Path("walk.mcap").unlink()
     made = load_calibration(Path("calibration.yaml"))
-    # B may have turned with the accelerometer's cross-axis terms: what counts is how the camera stands to the chip's axes
+    # B may have turned with the accelerometer's cross-axis terms: how the camera stands to the chip's axes counts
     by_file = np.array(made.X_BE.R).T @ np.array(made.imu.sf_matrix)
     by_truth = np.array(unit.X_BL.R).T @ np.linalg.inv(unit.chip.sf_matrix)
     assert np.degrees(np.abs(so3.log(by_file @ np.linalg.inv(by_truth)))).max() < 0.15
