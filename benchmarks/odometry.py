@@ -18,12 +18,8 @@ from multiprocessing import Pool
 import cv2
 import numpy as np
 
-from messages import Calibration, ImuSample, StereoFrame
+from lab.evaluation.odometer_errors import odometer_steps, step_error
 from messages.arrays import FloatArray, rms
-from perception import so3
-from perception.attitude.camera_step import CameraStep
-from perception.attitude.track import AttitudeTrack
-from perception.motion.watch import MotionWatch
 from sim_rig.walk.scenario import Pace, Scenario, over_level, scenario
 from sim_rig.wearer import SimulatedWearer
 
@@ -63,21 +59,8 @@ def walked(task: tuple[str, int], seconds: float, exact: bool) -> Walked:
     cv2.setNumThreads(1)
     case, seed = task
     wearer = SimulatedWearer(seed, walk_over(case, seed), START_NS, perfect_calibration=exact)
-    watch, track = MotionWatch(wearer.calibration), AttitudeTrack(wearer.calibration)
-    steps: list[CameraStep] = []
-    frames = 0
-    for message in wearer.offline_inputs(seconds):
-        if isinstance(message, ImuSample):
-            watch.add_sample(message)
-            track.add_sample(message)
-        elif isinstance(message, StereoFrame):
-            step = watch.add_frame(message, track.foretold)
-            if step is not None:
-                track.add_camera_step(step)
-            watch.finish_frame()
-            if message.header.t_exposure_ns >= SETTLED_NS:
-                frames += 1
-                steps += [] if step is None else [step]
+    told = [step for t_ns, step in odometer_steps(wearer, seconds) if t_ns >= SETTLED_NS]
+    steps, frames = [step for step in told if step is not None], len(told)
     errors, squares, velocities = [], [], []
     for step in steps:
         error, velocity = step_error(step, wearer, wearer.calibration)
@@ -85,18 +68,6 @@ def walked(task: tuple[str, int], seconds: float, exact: bool) -> Walked:
         squares.append(float(error @ np.linalg.solve(step.covariance, error)))
         velocities.append(velocity)
     return Walked(np.array(errors).reshape(-1, 6), np.array(squares), np.array(velocities).reshape(-1, 3), frames)
-
-
-def step_error(step: CameraStep, wearer: SimulatedWearer, calibration: Calibration) -> tuple[FloatArray, FloatArray]:
-    """Return turn and travel (6,) less the true ones, and the true mean velocity (3,), in B as it was before."""
-    times_ns = np.array([wearer.shutter.true_of(t_ns) for t_ns in (step.t_before_ns, step.t_after_ns)])
-    truth = wearer.gait.at(times_ns)
-    stated_R, true_R = np.array(calibration.X_BL.R), np.array(wearer.unit.X_BL.R)
-    R_WB = truth.R_WB @ true_R @ stated_R.T  # B as the calibration has it: what the mounting errs by is not odometry
-    centre_m = truth.p_WB_m + truth.R_WB @ np.array(wearer.unit.X_BL.p_m)
-    travel_B = R_WB[0].T @ (centre_m[1] - centre_m[0])
-    error = np.concatenate((np.array(step.turn_B) - so3.log(R_WB[0].T @ R_WB[1]), np.array(step.travel_B) - travel_B))
-    return error, travel_B / step.duration_s
 
 
 def main() -> None:

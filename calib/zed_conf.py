@@ -99,14 +99,18 @@ def load_zed_conf(path: Path, mode: str) -> StereoCalibration:
     if mode not in ZED_MODES:
         raise CalibrationError(f"mode is {mode!r}, allowed {', '.join(ZED_MODES)}")
     conf = _Conf(read_text(path), str(path))
-    size = ZED_MODES[mode]
-    return StereoCalibration(
-        left=_lens(conf, "LEFT", mode),
-        right=_lens(conf, "RIGHT", mode),
-        X_RL=_pair(conf, mode),
-        row_time_s=1.0 / (size.fastest_hz * size.height_px),
-        stamp_to_mid_exposure_s=STAMP_TO_MID_EXPOSURE_S,
-    )
+    pair = StereoCalibration(left=_lens(conf, "LEFT", mode), right=_lens(conf, "RIGHT", mode), X_RL=_pair(conf, mode))
+    return with_zed_shutter(pair)
+
+
+def with_zed_shutter(stereo: StereoCalibration) -> StereoCalibration:
+    """Return a ZED's pair with the rolling shutter and the stamps that are usual at its size; unchecked, as above."""
+    size = (stereo.left.width_px, stereo.left.height_px)
+    rates = [mode.fastest_hz for mode in ZED_MODES.values() if mode[:2] == size]
+    if not rates:
+        return stereo
+    row_time_s = 1.0 / (rates[0] * stereo.left.height_px)
+    return msgspec.structs.replace(stereo, row_time_s=row_time_s, stamp_to_mid_exposure_s=STAMP_TO_MID_EXPOSURE_S)
 
 
 def _lens(conf: _Conf, side: str, mode: str) -> Lens:

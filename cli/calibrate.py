@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cli.calibrate_formats import export, kalibr
 from cli.calibrate_imu import imu, noise
 from cli.calibrate_mount import apply, mount
-from cli.calibrate_stereo import export, kalibr, rows, stereo
+from cli.calibrate_rows import rows
+from cli.calibrate_stereo import stereo
+from cli.calibrate_target import Into, Out, Unit, target
 from cli.options import JsonFile
 
 if TYPE_CHECKING:  # every command imports what it needs when it is called
@@ -41,39 +44,34 @@ class Mode(str, enum.Enum):
 def zed(
     conf: Annotated[Path, typer.Argument(help="The maker's file SNxxxxxxxx.conf of this camera.")],
     mode: Annotated[Mode, typer.Option(help="Resolution the camera will run at; HD is 1280x720.")] = Mode.HD,
-    into: Annotated[Path | None, typer.Option(help="Take all but the stereo pair from this calibration file.")] = None,
-    out: Annotated[Path, typer.Option(help="File to write; it may be the one of --into.")] = Path("calibration.yaml"),
-    unit: Annotated[str | None, typer.Option(help="Name of the unit; by default made of the file's name.")] = None,
+    into: Into = None,
+    out: Out = None,
+    unit: Unit = None,
     json: JsonFile = None,
 ) -> None:
     """Import a ZED's factory calibration; without --into the rest is nominal, not fit to walk on."""
-    from calib.files import load_calibration, save_calibration
+    from calib.files import save_calibration
     from calib.nominal import uncalibrated_unit
     from calib.zed_conf import load_zed_conf, with_factory_pair
     from cli.console import check_writable, console, write_json
-    from messages import Calibration, UserError
 
     check_writable(json)
-    if out.exists() and (into is None or not out.samefile(into)):
-        raise UserError(f"--out {out}: exists already; name another file, or change this one with --into {out}")
+    file, known = target(out, into)
     stereo = load_zed_conf(conf, mode.value)
-    if into is None:
+    if known is None:
         made = uncalibrated_unit(unit or f"{conf.stem} {mode.value}, rest nominal", stereo)
     else:
-        known = load_calibration(into)
-        if not isinstance(known, Calibration):
-            raise UserError(f"--into {into}: is of a depth camera, which a ZED's pair cannot replace")
         made = with_factory_pair(known, stereo, unit)
-    save_calibration(out, made)
+    save_calibration(file, made)
 
-    _tell(out, made)
+    _tell(file, made)
     console.print("Row time and time stamps are not verified.", soft_wrap=True)
-    if into is None:
+    if known is None:
         console.print(
             "IMU and mounting are nominal: calibrate them before anybody walks with this unit.", soft_wrap=True
         )
     if json is not None:
-        write_json(json, {"file": str(out), "id": made.id, "calibration": made})
+        write_json(json, {"file": str(file), "id": made.id, "calibration": made})
 
 
 @calibrate.command()

@@ -10,7 +10,7 @@ import typer
 from cli.options import CONFIG_FILE, ConfigFile, JsonFile
 
 if TYPE_CHECKING:
-    from calib.imu.allan import AxisNoise
+    from calib.imu.allan import AxisNoise, Estimate
     from calib.imu.fit import ImuFit
     from calib.imu.log import ImuLog, Units
     from messages import ImuSample
@@ -94,7 +94,7 @@ def noise(
     Leave the unit alone on something that does not shake, for ten minutes or more.
     """
     from calib.imu.allan import noise_of
-    from cli.console import check_writable, write_json
+    from cli.console import check_writable, console, write_json
 
     check_writable(json)
     where = _where(sources, config)
@@ -107,6 +107,8 @@ def noise(
     )
     axes, rest_s = noise_of(logs, where)
     _tell_noise(axes, rest_s, where, in_counts={log.acc_is_scaled for log in logs} != {True})
+    for note in dict.fromkeys(note for log in logs for note in log.notes):
+        console.print(note, soft_wrap=True, highlight=False, markup=False)
     if json is not None:
         write_json(json, {"source": where, "rest_s": rest_s, "axes": [_noise_facts(axis) for axis in axes]})
 
@@ -150,7 +152,8 @@ def _measured(config: Path, seconds: float, line: Callable[["ImuLog"], str]) -> 
     from daemon.config import load_configuration
 
     device = devices.build_imu(load_configuration(config).imu)
-    device.open()
+    with devices.next_step_named():
+        device.open()
     samples = list["ImuSample"]()
     try:
         with LiveLine() as shown:
@@ -241,36 +244,50 @@ def _facts(fit: "ImuFit") -> dict[str, object]:
 
 
 def _tell_noise(axes: list["AxisNoise"], rest_s: float, where: str, *, in_counts: bool) -> None:
+    from calib.imu.allan import COMPARED_S
     from cli.console import console, table
     from messages.constants import STANDARD_GRAVITY_MPS2
     from perception.attitude.filter import AttitudeSettings
 
     settings = AttitudeSettings()
-    rows, noisier = [], []
+    rows, apart, noisier = [], [], []
     for axis in axes:
         gyro = axis.name.startswith("gyro")
         unit = math.degrees(1.0) if gyro else 1.0 if in_counts else 1e3 / STANDARD_GRAVITY_MPS2
         name = "°/s" if gyro else "counts" if in_counts else "mg"
-        at = [axis.at(tau_s).value * unit for tau_s in (1.0, 10.0, 50.0)]
         rows.append(
             [
                 axis.name,
                 name,
-                *(_number(value) for value in at),
+                *(_number(axis.at(tau_s).value * unit) for tau_s in COMPARED_S),
                 _number(axis.density.value * unit) + "/√Hz",
                 ("≤ " if axis.still_falls else "") + _number(axis.instability.value * unit),
                 _number(axis.walk.value * unit) + ("/√s" if math.isfinite(axis.walk.value) else ""),
             ]
         )
+        apart.append([axis.name, name, *(_number(axis.apart[tau_s].value * unit) for tau_s in COMPARED_S)])
         assumed = settings.gyro_noise_radps_rthz if gyro else settings.sf_noise_mps2_rthz
         if axis.density.low > assumed and not (in_counts and not gyro):
             noisier.append(
                 f"{axis.name} is noisier than the attitude filter assumes ({_number(assumed * unit)} {name}/√Hz)"
             )
-    columns = ["axis", "unit", "at 1 s", "at 10 s", "at 50 s", "white noise", "bias instability", "random walk"]
-    table(f"{where}: Allan deviation over {rest_s:.0f} s at rest", columns, rows)
+    # how well a deviation is known depends on the record's length alone, so that one row says it of all axes
+    rows.append(["95 %", "", *(_share(axes[0].at(tau_s)) for tau_s in COMPARED_S), "", "", ""])
+    apart.append(["95 %", "", *(_share(axes[0].apart[tau_s]) for tau_s in COMPARED_S)])
+    columns = ["axis", "unit", *(f"at {tau_s:g} s" for tau_s in COMPARED_S)]
+    title = f"{where}: Allan deviation over {rest_s:.0f} s at rest"
+    table(title, [*columns, "white noise", "bias instability", "random walk"], rows)
+    table("the same of periods that do not overlap, as some publish it; it tells less", columns, apart)
     for line in noisier or ["no axis is noisier than the attitude filter assumes"]:
         console.print(line, soft_wrap=True, highlight=False)
+
+
+def _share(estimate: "Estimate") -> str:
+    """Return how far a 95 % interval reaches below and above its value."""
+    if not math.isfinite(estimate.value):
+        return ""
+    below, above = (100.0 * (edge / estimate.value - 1.0) for edge in (estimate.low, estimate.high))
+    return f"{below:+.0f} to {above:+.0f} %"
 
 
 def _number(value: float) -> str:
@@ -289,4 +306,5 @@ def _noise_facts(axis: "AxisNoise") -> dict[str, object]:
         "white_noise_per_rthz": axis.density._asdict(),
         "bias_instability": axis.instability._asdict() | {"is_upper_bound": axis.still_falls},
         "random_walk_per_rts": axis.walk._asdict(),
+        "without_overlap": [{"tau_s": tau_s} | each._asdict() for tau_s, each in axis.apart.items()],
     }

@@ -22,7 +22,7 @@ def run_live(
 
     All inputs go into `record`, if that is named. Raises UserError where a device is not there.
     """
-    from cli.devices import build_imu, camera_opener
+    from cli.devices import build_imu, camera_opener, next_step_named
     from cli.live import LiveStatus
     from cli.wiring import open_recorder, stopped_by_signals, tell_recording
     from daemon.config import load_configuration
@@ -37,8 +37,9 @@ def run_live(
     configuration = load_configuration(config)
     learnt = StateKeeper(state_path(config, configuration), known).load()
     imu, camera = build_imu(configuration.imu), ReplaceableCamera(camera_opener(configuration.camera, known))
-    imu.open()
-    camera.open()
+    with next_step_named():
+        imu.open()
+        camera.open()
     recorder: Recorder | None = None
     if record is not None:
         recorder = open_recorder(record, configuration, known, Source.LIVE, None, learnt)

@@ -1,4 +1,4 @@
-"""`gaiteyes calibrate stereo`, `rows`, `kalibr`, `export`: the pair from a board; is it still right? Other formats."""
+"""`gaiteyes calibrate stereo`: both lenses and the pair, from views of a board."""
 
 import math
 from collections.abc import Iterator
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cli.calibrate_target import Into, Out, SideBySide, Unit, target
 from cli.options import CONFIG_FILE, ConfigFile, JsonFile
 
 if TYPE_CHECKING:
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from calib.stereo.collect import Views
     from calib.stereo.fit import StereoFit
     from calib.stereo.pairs import Pair
-    from calib.stereo.rows import RowsCheck
     from messages import Calibration
 
 Source = Annotated[
@@ -23,11 +23,6 @@ Source = Annotated[
         "--from", help="Folder of pictures, two videos, a recording or a EuRoC folder, instead of the camera."
     ),
 ]
-Out = Annotated[Path, typer.Option(help="File to write; it may be the one of --into.")]
-Into = Annotated[Path | None, typer.Option(help="Take all but the stereo pair from this calibration file.")]
-Unit = Annotated[str | None, typer.Option(help="Name of the unit; by default made of the source's name.")]
-SideBySide = Annotated[bool, typer.Option(help="A folder's pictures show both eyes beside each other.")]
-_CALIBRATION = Path("calibration.yaml")
 _NOMINAL_SQUARE_M = 0.025
 _FACTORY_BASELINE = 2.5e-3
 """Of a baseline that a maker states: 0.3 mm of 120."""
@@ -51,7 +46,7 @@ def stereo(
     legacy: Annotated[bool, typer.Option(help="The ChArUco board is drawn as before OpenCV 4.6.")] = False,
     side_by_side: SideBySide = False,
     into: Into = None,
-    out: Out = _CALIBRATION,
+    out: Out = None,
     unit: Unit = None,
     config: ConfigFile = CONFIG_FILE,
     seconds: Annotated[
@@ -72,7 +67,7 @@ def stereo(
 
     check_writable(json)
     cv2.setNumThreads(1)
-    known = _known(out, into)
+    file, known = target(out, into)
     where = str(source if source is not None else config)
     size = board or _found_size(source, charuco, side_by_side)
     sheet = _board(size, square_mm, baseline_mm, charuco, marker_share, legacy=legacy)
@@ -83,127 +78,16 @@ def stereo(
         fit = fit.scaled_to(1e-3 * baseline_mm)
     made = _unit_with(fit, known, unit or f"{Path(where).stem}, rest nominal"[:64])
     check_calibration(made, where)
-    save_calibration(out, made)
+    save_calibration(file, made)
     _tell_fit(fit, views, where)
-    console.print(f"Written to {out}: unit '{made.unit}', calibration {made.id}.", soft_wrap=True, highlight=False)
+    console.print(f"Written to {file}: unit '{made.unit}', calibration {made.id}.", soft_wrap=True, highlight=False)
     if known is None:
         console.print(
             "IMU, mounting, row time and stamps are nominal: calibrate imu and calibrate mount before anybody walks.",
             soft_wrap=True,
         )
     if json is not None:
-        write_json(json, {"file": str(out), "id": made.id} | _facts(fit, views))
-
-
-def rows(
-    file: Annotated[
-        Path, typer.Argument(help="A unit's calibration, Kalibr's camchain, a ZED's .conf or DepthAI's .json.")
-    ],
-    source: Annotated[Path, typer.Option("--from", help="Recording, EuRoC folder, folder of pictures, or two videos.")],
-    pairs: Annotated[int, typer.Option(min=1, max=500, help="How many pairs to look at, spread over all.")] = 24,
-    side_by_side: SideBySide = False,
-    json: JsonFile = None,
-) -> None:
-    """Check, without a board, that both eyes see things on one row, and name what has moved; exit code 1 if it has."""
-    import cv2
-
-    from calib.stereo.pair_files import load_pair
-    from calib.stereo.pairs import read_pairs
-    from calib.stereo.rows import check_rows
-    from cli.console import check_writable, write_json
-
-    check_writable(json)
-    cv2.setNumThreads(1)
-    known = load_pair(file)
-    count = sum(1 for _ in read_pairs(source, side_by_side=side_by_side))
-    step = max(1, count // pairs)
-    chosen = (pair for k, pair in enumerate(read_pairs(source, side_by_side=side_by_side)) if k % step == 0)
-    found = check_rows(known, chosen, str(source))
-    _tell_rows(found, file, source)
-    if json is not None:
-        write_json(json, found.facts)
-    if found.is_fault:
-        raise typer.Exit(1)
-
-
-def kalibr(
-    camchain: Annotated[Path, typer.Argument(help="Kalibr's camchain.yaml: cam0 left, cam1 right.")],
-    into: Into = None,
-    out: Out = _CALIBRATION,
-    unit: Unit = None,
-    json: JsonFile = None,
-) -> None:
-    """Import a pair from Kalibr, with the IMU's place where that stands in the file."""
-    import msgspec
-
-    from calib.files import save_calibration
-    from calib.nominal import uncalibrated_unit
-    from calib.stereo.pair_files import imu_pose, parse_camchain
-    from calib.zed_conf import with_factory_pair
-    from cli.console import check_writable, console, write_json
-    from messages.text_files import read_text
-
-    check_writable(json)
-    known = _known(out, into)
-    text = read_text(camchain)
-    pair = parse_camchain(text, str(camchain))
-    made = uncalibrated_unit(unit or camchain.stem, pair) if known is None else with_factory_pair(known, pair, unit)
-    pose = imu_pose(text, str(camchain))
-    if pose is not None:
-        made = msgspec.structs.replace(made, X_BL=pose)
-    save_calibration(out, made)
-    told = "with the IMU's place" if pose is not None else "without the IMU's place, which is as it was"
-    console.print(
-        f"Written to {out}: unit '{made.unit}', calibration {made.id}, {told}.", soft_wrap=True, highlight=False
-    )
-    if json is not None:
-        write_json(json, {"file": str(out), "id": made.id, "calibration": made})
-
-
-def export(
-    file: Annotated[Path, typer.Argument(help="The unit's calibration file.")],
-    out: Annotated[Path, typer.Option(help="File to write: a ZED's .conf, or Kalibr's camchain as .yaml.")],
-) -> None:
-    """Write the pair in another program's format, told by the file's ending."""
-    from calib.files import load_calibration
-    from calib.stereo.pair_files import camchain_text
-    from calib.zed_conf import ZED_MODES, zed_conf_text
-    from cli.console import console
-    from messages import Calibration, UserError
-
-    calibration = load_calibration(file)
-    if not isinstance(calibration, Calibration):
-        raise UserError(f"{file}: is of a depth camera, which has no pair")
-    if out.suffix.lower() == ".conf":
-        size = (calibration.stereo.left.width_px, calibration.stereo.left.height_px)
-        mode = next((mode for mode, known in ZED_MODES.items() if known[:2] == size), None)
-        if mode is None:
-            raise UserError(f"{file}: is for {size[0]}x{size[1]} px, which is no resolution of a ZED")
-        text = zed_conf_text(calibration.stereo, mode)
-    elif out.suffix.lower() in (".yaml", ".yml"):
-        text = camchain_text(calibration)
-    else:
-        raise UserError(f"--out {out}: allowed endings .conf and .yaml")
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"{out}: {error.strerror}") from error
-    console.print(f"written to {out}", highlight=False)
-
-
-def _known(out: Path, into: Path | None) -> "Calibration | None":
-    """Return the unit to change; raises UserError where `out` would be overwritten by another one."""
-    from calib.files import load_calibration
-    from messages import Calibration, UserError
-
-    if out.exists() and (into is None or not out.samefile(into)):
-        raise UserError(f"--out {out}: exists already; name another file, or change this one with --into {out}")
-    if into is None:
-        return None
-    known = load_calibration(into)
-    if not isinstance(known, Calibration):
-        raise UserError(f"--into {into}: is of a depth camera, which has no pair")
-    return known
+        write_json(json, {"file": str(file), "id": made.id} | _facts(fit, views))
 
 
 def _found_size(source: Path | None, dictionary: str | None, side_by_side: bool) -> str:
@@ -267,7 +151,8 @@ def _live_views(board: "Board", config: Path, known: "Calibration | None", secon
     from messages import StereoFrame
 
     settings = load_configuration(config).camera
-    camera = devices.camera_opener(settings, known or uncalibrated_unit("nominal", nominal_pair()))()
+    with devices.next_step_named():
+        camera = devices.camera_opener(settings, known or uncalibrated_unit("nominal", nominal_pair()))()
     views, start_s, frames = Views(board, moving=True), time.monotonic(), 0
     try:
         with LiveLine() as line:
@@ -382,30 +267,3 @@ def _facts(fit: "StereoFit", views: "Views") -> dict[str, object]:
         "stereo": fit.stereo,
         "residual": fit.residual,
     }
-
-
-def _tell_rows(found: "RowsCheck", file: Path, source: Path) -> None:
-    from cli.console import console, table
-
-    unit = {name: "" if name == "focal lengths" else "°" for name in found.values}
-    factor = {name: 100.0 if name == "focal lengths" else math.degrees(1.0) for name in found.values}
-    table(
-        f"{source} with {file}: {found.matches} matches in {found.pairs} pairs",
-        ["right eye against left", "value", "1 σ", "rows, px RMS"],
-        [
-            [
-                name,
-                f"{factor[name] * value:+.3f}{unit[name] or ' %'}",
-                f"{factor[name] * found.stds[name]:.3f}",
-                f"{found.shares_px[name]:.2f}",
-            ]
-            for name, value in found.values.items()
-        ],
-    )
-    head = f"rows differ by {found.rms_px:.2f} ± {found.rms_std_px:.2f} px RMS, {found.most_px:.1f} px at most"
-    verdict = (
-        f"FAULT  {head}; most of it is {found.cause} of the right eye: calibrate the pair again (calibrate stereo)"
-        if found.is_fault
-        else f"{head}: no fault"
-    )
-    console.print(verdict, soft_wrap=True, highlight=False, markup=False)

@@ -1,6 +1,7 @@
 """Hardware as the configuration names it, behind the protocols of `drivers.protocols`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 
 from daemon.config import CameraSettings, ImuSettings
@@ -18,6 +19,15 @@ from messages import DepthUnitCalibration, UnitCalibration
 
 POOL_FRAMES = 16
 """One being filled, one waiting, one in the pipeline, eight in the recorder's queue, and some to spare."""
+
+
+@contextmanager
+def next_step_named() -> Iterator[None]:
+    """Add to what is told of a device that cannot be opened what a person does next."""
+    try:
+        yield
+    except DeviceError as error:
+        raise DeviceError(f"{error}; `gaiteyes check` looks at each device and says what to do") from error
 
 
 def build_imu(config: ImuSettings) -> Mpu6050:

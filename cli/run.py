@@ -27,7 +27,7 @@ def run(
     """
     from calib.files import load_calibration
     from cli.console import check_writable, write_json
-    from cli.devices import build_imu, camera_opener
+    from cli.devices import build_imu, camera_opener, next_step_named
     from cli.live import LiveStatus
     from cli.reload import Reloader
     from cli.wiring import (
@@ -56,11 +56,9 @@ def run(
     imu = build_imu(configuration.imu)
     camera = ReplaceableCamera(camera_opener(configuration.camera, calibration))
     if not manager.is_there:
-        try:
+        with next_step_named():
             imu.open()
             camera.open()
-        except DeviceError as error:
-            raise DeviceError(f"{error}; `gaiteyes check` looks at each device and says what to do") from error
     try:
         outlets = open_outlets(configuration, calibration, retry_opening=manager.is_there)
     except DeviceError as error:

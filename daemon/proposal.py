@@ -8,6 +8,7 @@ from calib.nominal import (
     uncalibrated_depth_unit,
     uncalibrated_unit,
 )
+from calib.zed_conf import with_zed_shutter
 from daemon.config import CameraSettings, Configuration, ImuSettings
 from drivers.can.settings import CanSettings
 from drivers.discovery.cameras import CameraKind, FoundCamera
@@ -28,9 +29,12 @@ def proposed(found: FoundDevices) -> Configuration:
 def nominal_calibration(camera: FoundCamera, optics: NominalOptics, unit: str) -> UnitCalibration:
     """Return the calibration of a unit of which nothing but its drawings and its camera's data sheet is known.
 
-    A `camera` that is one of two stands for both.
+    A `camera` that is one of two stands for both. A ZED, told by its name, has the shutter and the stamps of one.
     """
     lens = nominal_lens(camera.width_px, camera.height_px, optics.view_rad)
     if camera.kind is CameraKind.DEPTH:
         return uncalibrated_depth_unit(unit, lens, optics.baseline_m)
-    return uncalibrated_unit(unit, nominal_stereo(lens, optics.baseline_m), NOMINAL_LENS_RESIDUAL)
+    pair = nominal_stereo(lens, optics.baseline_m)
+    if camera.card.startswith("ZED"):
+        pair = with_zed_shutter(pair)
+    return uncalibrated_unit(unit, pair, NOMINAL_LENS_RESIDUAL)

@@ -5,6 +5,9 @@
 White noise of density N shows as N / √τ, bias instability B as 0.664 B, a random walk K as K √(τ / 3) [IEEE Std
 952-1997, annex C]. The degrees of freedom behind an interval are those of white noise [Riley, Handbook of Frequency
 Stability Analysis, NIST SP 1065, eq. for W FM].
+
+Many publish the older form of (1), from means over periods that do not overlap. Of a short record it is another number:
+with twelve differences behind it, it depends on where the first period begins. `apart` has it, to compare with.
 """
 
 import math
@@ -23,6 +26,8 @@ LEAST_S = 60.0
 _PER_DECADE = 12
 _LONGEST_SHARE = 9.0
 """The longest τ is a ninth of the rest: eight or more periods stand behind each deviation."""
+COMPARED_S = (1.0, 10.0, 50.0)
+"""τ at which deviations are commonly published."""
 _WHITE = (0.1, 1.0)
 """s, where a slope of −½ is looked for; to be within `_SLOPE` of it."""
 _SLOPE = 0.15
@@ -55,6 +60,7 @@ class AxisNoise:
     instability: Estimate
     still_falls: bool
     walk: Estimate
+    apart: dict[float, Estimate]
 
     def at(self, tau_s: float) -> Estimate:
         """Return the deviation at τ, between two known ones on their logarithmic line; NaN outside."""
@@ -119,7 +125,23 @@ def axis_noise(name: str, values: FloatArray, rate_hz: float) -> AxisNoise:
         instability=Estimate(*(float(value) / _FLICKER for value in bounds)),
         still_falls=still_falls,
         walk=_walk(tau_s, deviation, low, high, lowest),
+        apart={tau: _apart(values, round(tau * rate_hz)) for tau in COMPARED_S},
     )
+
+
+def _apart(values: FloatArray, m: int) -> Estimate:
+    """Return the deviation from means over m samples each, none of which is in two; NaN where they are fewer than nine.
+
+    Of white noise neighbouring differences share a mean, so that their squares correlate by ¼.
+    """
+    differences = np.diff(values[: len(values) // m * m].reshape(-1, m).mean(axis=1))
+    n = len(differences)
+    if n < _LONGEST_SHARE - 1.0:
+        return NOT_TOLD
+    deviation = math.sqrt(float((differences**2).mean()) / 2.0)
+    freedom = n**2 / (n + 0.5 * (n - 1))
+    low, high = (deviation * math.sqrt(freedom / chi2.ppf(p, freedom)) for p in (0.975, 0.025))
+    return Estimate(deviation, low, high)
 
 
 def _density(tau_s: FloatArray, deviation: FloatArray, low: FloatArray, high: FloatArray) -> Estimate:

@@ -102,9 +102,9 @@ def fit_imu(logs: Sequence[ImuLog], where: str, *, gravity_mps2: float | None = 
     if len(rests) < LEAST_RESTS:
         raise UserError(f"{where}: {len(rests)} rests of a second and more, allowed from {LEAST_RESTS}: {WHAT_TO_DO}")
     bursts = sum(log.in_bursts for log in logs)
-    notes = (
-        [f"samples came in bursts in {bursts} of {len(logs)} logs: their stamps were put on a line"] if bursts else []
-    )
+    notes = list(dict.fromkeys(note for log in logs for note in log.notes))
+    if bursts:
+        notes.append(f"samples came in bursts in {bursts} of {len(logs)} logs: their stamps were put on a line")
     scaled = {log.acc_is_scaled for log in logs}
     if len(scaled) > 1:
         raise UserError(f"{where}: some logs are in counts, some in units; tell --acc-per-g")

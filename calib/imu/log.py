@@ -1,46 +1,29 @@
 """Logs of an IMU to calibrate it from: recordings, EuRoC folders, tables and arrays, in nominal units or in counts.
 
-A table (`.csv`, also gzipped) has a line of names; NPZ files hold arrays under the same names, `acc` and `gyr` (n, 3):
-
-    t_s or t_ns                 time
-    ax ay az, gx gy gz          with what they are in behind them: _mps2, _g; _radps, _dps; _raw or nothing for counts
-    temp_degC                   the die's temperature, if it is known
-
-`acc_` and `gyr_` with x, y, z are the same names. Stamps of a host that gets samples in bursts are put on a straight
-line: the chip samples evenly, its buffer does not.
+Stamps of a host that gets samples in bursts are put on a straight line: the chip samples evenly, its buffer does not.
 """
 
-import gzip
 import math
-import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
+from calib.imu.tables import LEAST_HZ, Channels, read_table
 from drivers.recording.asl_folder import AslFolder
 from drivers.recording.recording import McapRecording
 from messages import ImuSample, UserError
 from messages.arrays import FloatArray
 from messages.constants import STANDARD_GRAVITY_MPS2
 
-RATES_HZ = (5.0, 20_000.0)
+RATES_HZ = (LEAST_HZ, 20_000.0)
 _LEAST_SAMPLES = 100
 _BURST = 0.5
 """A median step below this share of the mean one tells bursts."""
-_NAME = re.compile(r"^(?:a|acc_?|accel_?|sf_?)([xyz])(?=_|$)|^(?:g|gyr_?|gyro_?|w_?)([xyz])(?=_|$)")
-_UNITS = {
-    "mps2": 1.0,
-    "g": STANDARD_GRAVITY_MPS2,
-    "mg": 1e-3 * STANDARD_GRAVITY_MPS2,
-    "radps": 1.0,
-    "dps": math.radians(1.0),
-    "degps": math.radians(1.0),
-}
-_TIMES = {"t_s": 1.0, "time_s": 1.0, "t_ns": 1e-9, "#timestamp [ns]": 1e-9}
-_TABLES = (".csv", ".csv.gz", ".npz")
+_TABLES = (".csv", ".csv.gz", ".tsv", ".npz")
+_TEXTS = (".txt", ".txt.gz", ".dat", ".log", ".mat")
+"""Tables too, where one is named; in a folder they may be anything."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +47,7 @@ class ImuLog:
     (n,) °C, NaN where it is not known.
 
     `acc_is_scaled` and `gyro_is_scaled` tell whether the counts' scale is known; if not, counts stand there.
-    `in_bursts` tells that stamps were put on a line.
+    `in_bursts` tells that stamps were put on a line, `notes` what had to be assumed of a table.
     """
 
     name: str
@@ -75,6 +58,7 @@ class ImuLog:
     acc_is_scaled: bool = True
     gyro_is_scaled: bool = True
     in_bursts: bool = False
+    notes: tuple[str, ...] = ()
 
     @property
     def rate_hz(self) -> float:
@@ -114,7 +98,7 @@ def _logs(source: Path, units: Units) -> Iterator[ImuLog]:
             raise UserError(f"{source}: holds no log; allowed are {', '.join(_TABLES)}, or a EuRoC folder")
         for path in tables:
             yield _table(path, units)
-    elif source.name.endswith(_TABLES):
+    elif source.name.endswith(_TABLES + _TEXTS):
         yield _table(source, units)
     else:
         inputs = McapRecording(source).inputs()
@@ -122,71 +106,29 @@ def _logs(source: Path, units: Units) -> Iterator[ImuLog]:
 
 
 def _table(path: Path, units: Units) -> ImuLog:
-    columns = _npz(path) if path.suffix == ".npz" else _csv(path)
-    time = next((name for name in columns if name in _TIMES), None)
-    if time is None:
-        raise UserError(f"{path}: column t_s is missing; there are {', '.join(columns) or 'none'}")
-    axes: dict[str, dict[str, tuple[FloatArray, str]]] = {"a": {}, "g": {}}
-    for name, values in columns.items():
-        found = _NAME.match(name)
-        if found is not None:
-            kind, axis = ("a", found[1]) if found[1] else ("g", found[2])
-            axes[kind][axis] = values, name[found.end() :].lstrip("_")
-    if set(axes["a"]) != set("xyz"):
-        raise UserError(f"{path}: columns ax, ay, az are missing; there are {', '.join(columns)}")
-    t_s = columns[time] * _TIMES[time]
-    if time.endswith(("ns", "[ns]")):
-        t_s = (columns[time] - columns[time][0]) * 1e-9
-    sf, acc_is_scaled = _scaled(axes["a"], units.acc_per_g, units.acc_zero, STANDARD_GRAVITY_MPS2)
+    table = read_table(path)
+    sf, acc_is_scaled = _scaled(table.acc, units.acc_per_g, units.acc_zero, STANDARD_GRAVITY_MPS2)
     w, gyro_is_scaled = np.zeros_like(sf), False
-    if set(axes["g"]) == set("xyz"):
-        w, gyro_is_scaled = _scaled(axes["g"], units.gyro_per_dps, units.gyro_zero, math.radians(1.0))
-    temperature = columns.get("temp_degC", columns.get("temperature_degC"))
-    if temperature is None:
-        temperature = np.full(len(t_s), math.nan, dtype=np.float64)
-    return ImuLog(str(path), t_s, sf * np.array(units.signs), w, temperature, acc_is_scaled, gyro_is_scaled)
+    if table.gyro is not None:
+        w, gyro_is_scaled = _scaled(table.gyro, units.gyro_per_dps, units.gyro_zero, math.radians(1.0))
+    return ImuLog(
+        str(path),
+        table.t_s,
+        sf * np.array(units.signs),
+        w,
+        table.temperature_degC,
+        acc_is_scaled,
+        gyro_is_scaled,
+        notes=table.notes,
+    )
 
 
-def _scaled(
-    axes: dict[str, tuple[FloatArray, str]], per_unit: float | None, zero: float | None, unit: float
-) -> tuple[FloatArray, bool]:
+def _scaled(channels: Channels, per_unit: float | None, zero: float | None, unit: float) -> tuple[FloatArray, bool]:
     """Return the three axes (n, 3) and whether they are in SI units."""
-    values = np.stack([axes[axis][0] for axis in "xyz"], axis=-1)
-    told = {axes[axis][1] for axis in "xyz"}
-    factors = {_UNITS[name] for name in told if name in _UNITS}
-    if len(factors) == 1 and told <= set(_UNITS):
-        return values * factors.pop(), True
-    counts = values - (0.0 if zero is None else zero)
+    if math.isfinite(channels.factor):
+        return channels.values * channels.factor, True
+    counts = channels.values - (0.0 if zero is None else zero)
     return (counts, False) if per_unit is None else (counts * unit / per_unit, True)
-
-
-def _csv(path: Path) -> dict[str, FloatArray]:
-    opened = gzip.open if path.name.endswith(".gz") else open
-    try:
-        with opened(path, "rt", encoding="utf-8") as file:
-            names = [name.strip() for name in file.readline().lstrip("#").split(",")]
-            values = np.loadtxt(file, delimiter=",", ndmin=2)
-    except (OSError, EOFError, UnicodeDecodeError, ValueError) as error:
-        raise UserError(f"{path}: no table of numbers: {' '.join(str(error).split())}") from error
-    if values.shape[1] != len(names):
-        raise UserError(f"{path}: its first line has {len(names)} names, its rows {values.shape[1]} numbers")
-    return {name: values[:, k] for k, name in enumerate(names)}
-
-
-def _npz(path: Path) -> dict[str, FloatArray]:
-    found = dict[str, FloatArray]()
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            for name in arrays.files:
-                array = arrays[name]
-                if array.ndim == 2 and array.shape[1] == 3 and _NAME.match(f"{name[0]}x"):
-                    kind, _, unit = name.partition("_")
-                    found |= {f"{kind[:3]}_{axis}_{unit}": array[:, k].astype(float) for k, axis in enumerate("xyz")}
-                elif array.ndim == 1:
-                    found[name] = array.astype(float)
-    except (OSError, ValueError, BadZipFile) as error:
-        raise UserError(f"{path}: no NPZ file of arrays: {error}") from error
-    return found
 
 
 def sound(log: ImuLog) -> ImuLog:

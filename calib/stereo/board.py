@@ -20,9 +20,12 @@ CORNERS = (3, 40)
 """Inner corners along an edge of a board."""
 DICTIONARIES = tuple(sorted({name.upper() for name in dir(cv2.aruco) if name.startswith("DICT_")}))
 _SMOOTHING_PX = 1.0
-_WINDOW_SHARE, _WINDOW_PX = 0.45, (3, 15)
-"""Half a window, as a share of the distance to the nearest corner, and its bounds: no other corner may be in it."""
-_ASTRAY_PX = 0.5
+_WINDOW_SHARE, _WINDOW_PX, _MARKED_PX = 0.45, 25, 15
+"""Half a window, as a share of the distance to the nearest corner, and the most, with markers beside the corner too: no
+other corner may be in it."""
+_SMALLEST_SHARE, _SMALLEST_PX = 0.2, (3, 12)
+_ASTRAY_SHARE, _ASTRAY_PX = 0.02, 0.5
+"""By how much the larger window may lead elsewhere, of the same distance, and at least: blur grows with the picture."""
 _SUBPIXEL = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-4)
 _LEAST_SHARE = 0.25
 """Of a ChArUco board's corners that a picture must show; at least `_LEAST_CORNERS`."""
@@ -97,7 +100,8 @@ def find_corners(board: Board, picture: GreyImage) -> Corners | None:
             return None
         ids = marked.ravel().astype(np.int64)
     order = np.argsort(ids)
-    return Corners(ids[order], _refined(picture, px.reshape(-1, 2)[order].astype(np.float64)))
+    apart = board.dictionary is None
+    return Corners(ids[order], _refined(picture, px.reshape(-1, 2)[order].astype(np.float64), nothing_between=apart))
 
 
 def find_pair(board: Board, left: GreyImage, right: GreyImage) -> tuple[Corners, Corners] | None:
@@ -145,18 +149,24 @@ def size_of_chessboard(pictures: Sequence[GreyImage], where: str) -> tuple[int, 
     return best
 
 
-def _refined(picture: GreyImage, px: FloatArray) -> FloatArray:
+def _refined(picture: GreyImage, px: FloatArray, *, nothing_between: bool) -> FloatArray:
     """Return corners (n, 2) to a fraction of a pixel, each in a window that no other corner is in.
 
     Where the larger window leads elsewhere than the smallest, as at a picture's or a board's edge, that one counts.
+    With `nothing_between` corners the smallest grows with the board; markers between them would be in it.
     """
     smooth: GreyImage = cv2.GaussianBlur(picture, (0, 0), _SMOOTHING_PX).astype(np.uint8, copy=False)
     apart = np.linalg.norm(px[:, None] - px[None], axis=-1)
     np.fill_diagonal(apart, np.inf)
-    smallest = _in_windows(smooth, px, np.full(len(px), _WINDOW_PX[0]))
-    half_px = np.clip((_WINDOW_SHARE * apart.min(axis=1)).astype(int), *_WINDOW_PX)
+    nearest = apart.min(axis=1)
+    free = nearest if nothing_between else np.zeros_like(nearest)
+    least_px = np.clip((_SMALLEST_SHARE * free).astype(int), *_SMALLEST_PX)
+    smallest = _in_windows(smooth, px, least_px)
+    most_px = _WINDOW_PX if nothing_between else _MARKED_PX
+    half_px = np.clip((_WINDOW_SHARE * nearest).astype(int), least_px, most_px)
     refined = _in_windows(smooth, smallest, half_px)
-    astray = np.linalg.norm(refined - smallest, axis=1) > _ASTRAY_PX
+    moved = np.linalg.norm(refined - smallest, axis=1)
+    astray = moved > np.maximum(_ASTRAY_PX, _ASTRAY_SHARE * free)
     refined[astray] = smallest[astray]
     return refined
 

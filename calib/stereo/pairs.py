@@ -16,9 +16,12 @@ from messages.arrays import GreyImage
 
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
 _VIDEOS = (".mp4", ".avi", ".mkv", ".mov")
-_SIDE = re.compile(r"(?<![a-z])(left|right|cam0|cam1|l|r)(?![a-z])", re.IGNORECASE)
-"""Of an eye, where no other letter stands beside it."""
-_LEFT = ("left", "cam0", "l")
+_EYE = re.compile(
+    r"(?<![A-Za-z])(?:left|right|LEFT|RIGHT|Left|Right)(?=$|[^a-z]|cam|im|eye|view)|(?<=[a-z])(?:Left|Right)(?![a-z])"
+    r"|(?<![A-Za-z])[lrLR](?![A-Za-z])|(?<=[a-z])[LR](?![A-Za-z])"
+    r"|(?<![A-Za-z])(?:cam|camera|Cam|Camera|CAM)[_-]?0?[012](?!\d)|(?<![A-Za-z])image_?0?[01](?=/)"
+)
+"""An eye in a path: as a word, at a hump, as a letter that stands alone, or by a camera's number."""
 
 
 class Pair(NamedTuple):
@@ -32,8 +35,8 @@ class Pair(NamedTuple):
 def read_pairs(source: Path, *, side_by_side: bool = False) -> Iterator[Pair]:
     """Yield the pairs of a recording (MCAP), of a EuRoC folder, or of a folder with pictures or two videos.
 
-    In a folder the files' names tell the eyes: `left`, `right` (or `l`, `r`, `cam0`, `cam1`) stand in the name or in
-    that of their folder, and what else is in them is the same for both; pictures with both eyes beside each other need
+    In a folder the files' names tell the eyes: `left`, `right` (or `l`, `r`, `cam0`, `cam1`) stand in the name, in that
+    of their folder, or in both, and what else is in them is the same; pictures with both eyes beside each other need
     `side_by_side`. Raises UserError, one line, for what holds no pairs, and for pictures of different sizes.
     """
     if not source.exists():
@@ -60,6 +63,8 @@ def _pairs(source: Path, side_by_side: bool) -> Iterator[Pair]:
         files = sorted(path for path in source.rglob("*") if path.is_file())
         videos = [path for path in files if path.suffix.lower() in _VIDEOS]
         pictures = [path for path in files if path.suffix.lower() in _PICTURES]
+        if not pictures and not videos:
+            raise UserError(f"{source}: holds no picture and no video; allowed are {', '.join(_PICTURES + _VIDEOS)}")
         if side_by_side:
             yield from map(_split, pictures)
         elif pictures:
@@ -79,21 +84,31 @@ def _frames(recording: McapRecording | AslFolder) -> Iterator[Pair]:
 
 def _named(source: Path, files: list[Path]) -> Iterator[tuple[str, Path, Path]]:
     """Yield name, left and right file, of files whose names differ in nothing but the eye."""
-    eyes: tuple[dict[str, Path], dict[str, Path]] = ({}, {})
+    eyes: dict[str, dict[str, Path]] = {}
     for path in files:
         told = str(path.relative_to(source).with_suffix(""))
-        found = _SIDE.search(told)
-        if found is not None:
-            rest = told[: found.start()] + told[found.end() :]
-            eyes[found.group().lower() not in _LEFT][rest] = path
-    both = [rest for rest in eyes[0] if rest in eyes[1]]
+        found = {_eye(each) for each in _EYE.findall(told)}
+        found = found & {"l", "r"} or found
+        if len(found) == 1:
+            eyes.setdefault(found.pop(), {})[_EYE.sub("", told)] = path
+    left, right = next(((eyes[a], eyes[b]) for a, b in _EYES if a in eyes and b in eyes), ({}, {}))
+    both = [rest for rest in left if rest in right]
     if not both:
         raise UserError(
             f"{source}: of {len(files)} files none are a pair; name them left01.png and right01.png, say, or put them "
             "into folders left and right; pictures with both eyes beside each other need --side-by-side"
         )
     for rest in both:
-        yield rest.strip(" _-/") or rest, eyes[0][rest], eyes[1][rest]
+        yield rest.strip(" _-/") or rest, left[rest], right[rest]
+
+
+_EYES = (("l", "r"), ("0", "1"), ("1", "2"))
+"""What the left and the right eye are called by, in the order in which they are looked for."""
+
+
+def _eye(token: str) -> str:
+    """Return l or r, or a camera's number."""
+    return token[-1] if token[-1].isdigit() else token[0].lower()
 
 
 def _video_pairs(source: Path, files: list[Path]) -> Iterator[Pair]:
@@ -115,9 +130,11 @@ def _split(path: Path) -> Pair:
 
 
 def _grey(path: Path) -> GreyImage:
-    picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
     if picture is None:
         raise UserError(f"{path}: is no picture that can be read")
+    if picture.dtype != np.uint8:  # ten, twelve or sixteen bits: what is brightest is white
+        picture = cv2.normalize(picture, np.empty(0), 0.0, 255.0, cv2.NORM_MINMAX, cv2.CV_8U)
     return picture.astype(np.uint8, copy=False)
 
 

@@ -7,6 +7,8 @@ is known.
 
 from collections.abc import Iterable, Sequence
 
+import cv2
+import msgspec
 import numpy as np
 from foxglove.messages import (
     CameraCalibration,
@@ -33,6 +35,7 @@ from daemon.pictures import grey, jpeg
 from messages import DepthCalibration, Image, Lens, UnitCalibration
 from messages.arrays import FloatArray
 from perception import so3
+from perception.depth.rectify import intrinsics
 
 WORLD, HEADING, IMU, LEFT, RIGHT, DEPTH = "W", "H", "B", "L", "R", "D"
 LIFETIME_S = 0.2
@@ -46,12 +49,27 @@ def camera_of(calibration: UnitCalibration) -> str:
     return DEPTH if isinstance(calibration.camera, DepthCalibration) else LEFT
 
 
-def camera_calibration(lens: Lens, frame_id: str, t_ns: int) -> CameraCalibration | None:
-    """Return a lens as Foxglove knows lenses; None for one of more terms than it knows (12 or 14)."""
-    model = _MODELS.get(len(lens.distortion))
-    if model is None:
-        return None
-    name, terms = model
+def shown_lens(lens: Lens) -> Lens:
+    """Return the lens of the picture that is written: the camera's own, or, where it has more terms than Foxglove knows
+    (12 or 14), one without distortion, to which the picture is straightened."""
+    return lens if len(lens.distortion) in _MODELS else msgspec.structs.replace(lens, distortion=(0.0,) * 4)
+
+
+def straightened(image: Image, lens: Lens) -> Image:
+    """Return `image` (height, width) as `shown_lens` sees it; a depth image keeps its values, no two are mixed."""
+    if shown_lens(lens) is lens:
+        return image
+    K, size = intrinsics(lens), (lens.width_px, lens.height_px)
+    maps = cv2.initUndistortRectifyMap(K, np.array(lens.distortion), np.eye(3), K, size, cv2.CV_32FC1)
+    if image.dtype == np.uint8:
+        return cv2.remap(image, *maps, cv2.INTER_LINEAR).astype(np.uint8, copy=False)
+    return cv2.remap(image, *maps, cv2.INTER_NEAREST).astype(np.uint16, copy=False)
+
+
+def camera_calibration(lens: Lens, frame_id: str, t_ns: int) -> CameraCalibration:
+    """Return a lens as Foxglove knows lenses; of the picture that is written, `shown_lens`."""
+    lens = shown_lens(lens)
+    name, terms = _MODELS[len(lens.distortion)]
     focal = (lens.fx_px, 0.0, lens.cx_px), (0.0, lens.fy_px, lens.cy_px), (0.0, 0.0, 1.0)
     return CameraCalibration(
         timestamp=timestamp(t_ns),

@@ -96,10 +96,10 @@ class FoxgloveFile:
 
     def _write_picture(self, frame: Frame) -> None:
         t_ns = frame.header.t_exposure_ns + self._offset_ns
-        self._log(PICTURE, conversion.picture(frame.images[0], self._eye, t_ns).encode())
-        lens = conversion.camera_calibration(self._calibration.camera.lens, self._eye, t_ns)
-        if lens is not None:
-            self._log(CALIBRATION, lens.encode())
+        lens = self._calibration.camera.lens
+        image = conversion.straightened(frame.images[0], lens)
+        self._log(PICTURE, conversion.picture(image, self._eye, t_ns).encode())
+        self._log(CALIBRATION, conversion.camera_calibration(lens, self._eye, t_ns).encode())
 
     def _write_scene(self, t_exposure_ns: int) -> None:
         said, t_ns = self._said.about(t_exposure_ns), t_exposure_ns + self._offset_ns

@@ -6,7 +6,8 @@ import msgspec
 import numpy as np
 
 from calib.mount import RIGID, Found, Mounted, brought_near, doubted, mounted
-from lab.evaluation.told_steps import OdometerNoise, ToldStep, attitudes, told_steps
+from lab.evaluation.odometer_errors import RenderedErrors
+from lab.evaluation.told_steps import OdometerNoise, StepErrors, ToldStep, attitudes, depth_error, told_steps
 from messages import Calibration, ImuSample, UserError, matrix3
 from messages.arrays import FloatArray
 from perception import so3
@@ -30,11 +31,15 @@ def stop_and_go(pace: Pace) -> Scenario:
 
 
 class Trial:
-    """One unit, its walk, and the true errors of the calibration that it is given."""
+    """One unit, its walk, and the true errors of the calibration that it is given.
 
-    def __init__(self, seed: int) -> None:
+    `errors` are the odometer's; by default they are drawn for each step, three times as large as those of pictures.
+    """
+
+    def __init__(self, seed: int, errors: StepErrors = _NOISE) -> None:
         chance = np.random.default_rng([seed, 23])
         self.wearer = SimulatedWearer(seed, stop_and_go(_pace(chance)), _START_NS)
+        self._errors = errors
         self._seed = seed
         self._samples = list(self.wearer.offline_samples(SECONDS))
         self._true_stamp_s = self.wearer.unit.stereo.stamp_to_mid_exposure_s
@@ -58,17 +63,28 @@ class Trial:
         turn = so3.log(np.array(made.X_BL.R) @ np.array(self.wearer.unit.X_BL.R).T)
         return turn, made.stereo.stamp_to_mid_exposure_s - self._true_stamp_s
 
+    @property
+    def scale(self) -> float:
+        """Return by how much distances are too long with the calibration that is given: that of its toe-in."""
+        return depth_error(self.wearer.unit, self.given)
+
     def _pass(self, calibration: Calibration) -> Found:
         self.wearer.calibration = calibration
         shift_ns = round(1e9 * (calibration.stereo.stamp_to_mid_exposure_s - self._base.stereo.stamp_to_mid_exposure_s))
         track, samples = AttitudeTrack(calibration, settings=RIGID), self._samples
-        steps = (_shifted(told, shift_ns) for told in told_steps(self.wearer, SECONDS, _NOISE, self._seed))
+        steps = (_shifted(told, shift_ns) for told in told_steps(self.wearer, SECONDS, self._errors, self._seed))
         for _ in attitudes(track, samples, steps):
             pass
         mounting, sensors = track.mounting_errors, track.sensor_errors
         if mounting is None or sensors is None:
             raise UserError(f"unit {self._seed}: {track.reason.value or track.contradiction.value}")
         return Found(mounting, sensors, _mean_temperature(samples))
+
+
+def rendered_errors(seed: int) -> RenderedErrors:
+    """Return what the odometer errs by on the walk of a unit with its true calibration; it is rendered first."""
+    walk = stop_and_go(_pace(np.random.default_rng([seed, 23])))
+    return RenderedErrors.rendered(SimulatedWearer(seed, walk, _START_NS, perfect_calibration=True), SECONDS)
 
 
 def _shifted(told: ToldStep, shift_ns: int) -> ToldStep:

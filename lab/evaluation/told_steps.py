@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,12 +21,26 @@ _CORNERS_Z_M = 1.2
 """How far from the camera the corners lie that it follows: toe-in changes their depth by this over the baseline."""
 
 
+class StepErrors(Protocol):
+    """What an odometer errs by, step by step."""
+
+    def each(self, chance: np.random.Generator) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield the error (6,) of each step, of rate (rad/s) first, then of velocity (m/s), in B; and its covariance as
+        stated."""
+
+
 @dataclass(frozen=True)
 class OdometerNoise:
-    """One standard deviation per axis and step, of velocity and of rate."""
+    """Errors of each step apart from all others: one standard deviation per axis, of velocity and of rate."""
 
     v_mps: float
     w_radps: float
+
+    def each(self, chance: np.random.Generator) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield errors that `chance` draws, for ever."""
+        sigma = np.repeat((self.w_radps, self.v_mps), 3)
+        while True:
+            yield sigma * chance.standard_normal(6), np.diag(sigma**2)
 
 
 @dataclass(frozen=True)
@@ -36,27 +51,27 @@ class ToldStep:
     step: CameraStep
 
 
-def told_steps(wearer: SimulatedWearer, seconds: float, noise: OdometerNoise, seed: int) -> Iterator[ToldStep]:
+def told_steps(wearer: SimulatedWearer, seconds: float, noise: StepErrors, seed: int) -> Iterator[ToldStep]:
     """Yield the steps between the wearer's frames in the first `seconds`.
 
     Turn and travel are those of the true left camera; where it sits in B, the stamps and the scale of its distances are
     the calibration's, with its residual. `seed` draws the noise.
     """
-    chance = np.random.default_rng([seed, 14])
+    errors = noise.each(np.random.default_rng([seed, 14]))
     shutter, calibration = wearer.shutter, wearer.calibration
     frames = range(round(20.0 * seconds))
     motion = wearer.gait.at(np.array([shutter.true_ns(k) for k in frames]))
     R_WL = motion.R_WB @ np.array(wearer.unit.X_BL.R)
     p_WL_m = motion.p_WB_m + motion.R_WB @ np.array(wearer.unit.X_BL.p_m)
     R_BL = np.array(calibration.X_BL.R)
-    scale = 1.0 + _depth_error(wearer.unit, calibration)
+    scale = 1.0 + depth_error(wearer.unit, calibration)
     for k in frames[1:-_TOLD_FRAMES_LATER]:
         t_before_ns, t_after_ns = (shutter.header(j).t_exposure_ns for j in (k - 1, k))
         duration_s = 1e-9 * (t_after_ns - t_before_ns)
-        sigma = np.repeat((noise.w_radps, noise.v_mps), 3) * duration_s
         turn_L = Rotation.from_matrix(R_WL[k - 1].T @ R_WL[k]).as_rotvec()
         travel_L = scale * R_WL[k - 1].T @ (p_WL_m[k] - p_WL_m[k - 1])
-        off = sigma * chance.standard_normal(6)
+        error, covariance = next(errors)
+        off = duration_s * error
         yield ToldStep(
             shutter.due_ns(k + _TOLD_FRAMES_LATER),
             CameraStep(
@@ -64,7 +79,7 @@ def told_steps(wearer: SimulatedWearer, seconds: float, noise: OdometerNoise, se
                 t_after_ns,
                 vec3(R_BL @ turn_L + off[:3]),
                 vec3(R_BL @ travel_L + off[3:]),
-                np.diag(sigma**2),
+                duration_s**2 * covariance,
                 calibration.X_BL.p_m,
             ),
         )
@@ -86,7 +101,7 @@ def attitudes(track: AttitudeTrack, samples: Iterable[ImuSample], steps: Iterato
             following = next(steps, None)
 
 
-def _depth_error(unit: Unit, calibration: Calibration) -> float:
+def depth_error(unit: Unit, calibration: Calibration) -> float:
     """Return the relative error of distances: of the toe-in that the calibration leaves, δZ/Z = δ Z/B."""
     R_true: FloatArray = np.array(unit.stereo.X_RL.R)
     toe_in_rad = Rotation.from_matrix(np.array(calibration.stereo.X_RL.R) @ R_true.T).as_rotvec()[1]

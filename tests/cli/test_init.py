@@ -47,6 +47,8 @@ def test_a_zed_an_imu_and_a_bus_make_both_files(plugged: Plugged, capsys: pytest
     assert isinstance(calibration, Calibration)
     assert (calibration.unit, calibration.stereo.left.width_px) == ("ZED 2, nominal", 1280)
     assert calibration.stereo.X_RL.p_m == (-0.12, 0.0, 0.0)
+    assert calibration.stereo.row_time_s * 720 == pytest.approx(1.0 / 60.0)
+    assert calibration.stereo.stamp_to_mid_exposure_s == -0.02
     assert json.loads(Path("facts.json").read_bytes())["calibration_id"] == calibration.id
     told = capsys.readouterr().out
     assert "MPU-6050, MPU-6000 or MPU-9150 at 0x69 of /dev/i2c-7" in told

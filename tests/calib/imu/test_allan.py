@@ -27,15 +27,24 @@ def test_a_random_walk_is_told() -> None:
     assert found.walk.value == pytest.approx(1e-3, rel=0.5)
 
 
+def test_periods_that_do_not_overlap_are_averaged_one_by_one() -> None:
+    blocks = np.repeat(np.array((0.0, 2.0, 0.0, 2.0, 0.0, 2.0, 0.0, 2.0, 0.0, 2.0)), 100)
+    found = axis_noise("x", np.concatenate((blocks, np.full(50, 9.0))), 100.0)  # half a period more, not counted
+    assert found.apart[1.0].value == pytest.approx(np.sqrt(2.0))
+    assert found.apart[1.0].low < found.apart[1.0].value < found.apart[1.0].high
+    assert np.isnan(found.apart[10.0].value)
+
+
 @pytest.mark.long
 def test_intervals_of_the_deviation_hold_92_to_98_times_in_100() -> None:
-    inside = []
+    inside, apart = [], []
     for seed in range(1000, 1400):
         found = axis_noise("x", np.random.default_rng(seed).normal(0.0, 1.0, 6_000), 100.0)
         true = 0.1 / np.sqrt(found.tau_s)
         inside.append((found.low <= true) & (true <= found.high))
-    share = float(np.mean(inside))
-    assert 0.92 <= share <= 0.98, share
+        apart.append(found.apart[1.0].low <= 0.1 <= found.apart[1.0].high)
+    for share in (float(np.mean(inside)), float(np.mean(apart))):
+        assert 0.92 <= share <= 0.98, share
 
 
 def test_what_does_not_rest_is_refused() -> None:
@@ -59,6 +68,8 @@ def test_a_real_mpu6050_has_the_deviations_that_were_measured() -> None:
     axes, rest_s = noise_of(read_logs([path], Units(acc_per_g=4096.0, gyro_per_dps=131.0)), "mpu6050")
     assert rest_s > 600.0
     told = {axis.name: axis for axis in axes}
+    for name, at_50_s in (("gyro_x", 0.0027), ("gyro_y", 0.0013), ("gyro_z", 0.0017)):  # measured without overlap
+        assert np.degrees(told[name].apart[50.0].value) == pytest.approx(at_50_s, rel=0.1)
     for name, at_1_s, at_10_s in (("gyro_x", 0.0126, 0.0057), ("gyro_y", 0.0092, 0.0030), ("gyro_z", 0.0091, 0.0034)):
         assert np.degrees(told[name].at(1.0).value) == pytest.approx(at_1_s, rel=0.1)
         assert np.degrees(told[name].at(10.0).value) == pytest.approx(at_10_s, rel=0.1)

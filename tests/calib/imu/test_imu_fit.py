@@ -102,8 +102,8 @@ def test_the_command_writes_the_file_and_the_facts(tmp_path: Path, log: ImuLog) 
 def test_bad_logs_are_one_line(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     for text, problem in (
-        ("t_s,ax,ay\n0,1,2\n", "columns ax, ay, az are missing"),
-        ("ax,ay,az\n1,2,3\n", "column t_s is missing"),
+        ("t_s,ax,ay,gz\n0,1,2,3\n", "columns ax, ay, az are missing"),
+        ("ax,ay,az,gx\n1,2,3,4\n", "column t_s is missing"),
         ("t_s,ax,ay,az\n0,1,2,x\n", "no table of numbers"),
         ("t_s,ax,ay,az\n0,1,2,3\n", "holds 1 samples, allowed from 100"),
     ):

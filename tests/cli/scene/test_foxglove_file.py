@@ -14,7 +14,7 @@ from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
 
 from cli.overlay.shapes import REGION, Shape
-from cli.scene.conversion import camera_calibration, scene, transform
+from cli.scene.conversion import camera_calibration, scene, straightened, transform
 from cli.scene.foxglove_file import CALIBRATION, LAYOUT, PICTURE, SCENE, TRANSFORMS, FoxgloveFile
 from daemon import replay as replaying
 from daemon.config import Configuration
@@ -23,6 +23,7 @@ from daemon.replay_source import ReplaySource
 from messages import TOPICS, DepthFrame, Lens, UserError
 from messages.arrays import FloatArray
 from perception import so3
+from perception.depth.rectify import intrinsics
 from sim_rig.depth_wearer import DepthWearer
 from sim_rig.walk.scenario import scenario
 
@@ -168,15 +169,26 @@ def test_a_transform_takes_points_of_the_child_to_the_parent() -> None:
 def test_a_lens_is_told_in_foxglove_s_terms(terms: int, model: str, told: int) -> None:
     distortion = tuple(0.01 * (k + 1) for k in range(terms))
     made = camera_calibration(_lens(distortion), "L", 3)
-    assert made is not None
     calibration = _read(made)
     assert calibration.distortion_model == model
     assert list(calibration.D) == [*distortion, *[0.0] * (told - terms)]
     assert list(calibration.K) == [700, 0, 640, 0, 701, 360, 0, 0, 1]
 
 
-def test_a_lens_that_foxglove_does_not_know_is_left_out() -> None:
-    assert camera_calibration(_lens((0.0,) * 12), "L", 3) is None
+@pytest.mark.parametrize("terms", [12, 14])
+def test_what_a_lens_of_more_terms_sees_is_straightened(terms: int) -> None:
+    lens = _lens((-0.3, 0.1, 0.001, 0.002, 0.0, 0.02, 0.01, 0.0, 0.01, 0.0, 0.02, 0.0, 0.01, -0.02)[:terms])
+    told = _read(camera_calibration(lens, "L", 3))
+    assert (told.distortion_model, list(told.D)) == ("plumb_bob", [0.0] * 5)
+    K, size = intrinsics(lens), (lens.width_px, lens.height_px)
+    px = cv2.projectPoints(np.array([[[0.12, -0.08, 1.0]]]), np.zeros(3), np.zeros(3), K, np.array(lens.distortion))[0]
+    raw = np.zeros((lens.height_px, lens.width_px), np.uint8)
+    cv2.circle(raw, np.rint(px.ravel()).astype(int).tolist(), 3, 255, -1)
+    straight = straightened(raw, lens)
+    row, column = np.unravel_index(int(cv2.GaussianBlur(straight, (0, 0), 2.0).argmax()), straight.shape)
+    assert straight.shape == size[::-1]
+    np.testing.assert_allclose((column, row), (K @ (0.12, -0.08, 1.0))[:2], atol=1.5)
+    assert straightened(raw, _lens((0.1,) * 8)) is raw
 
 
 def test_the_layout_s_topics_and_fields_exist() -> None:
