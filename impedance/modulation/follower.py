@@ -15,6 +15,7 @@ back at level ground `BACK_S` after any state has become LEVEL. Pure: no clock, 
 """
 
 import enum
+import math
 from typing import Final
 
 import numpy as np
@@ -83,7 +84,7 @@ class Follower:
         self._go_on(phase, landed, contradicted)
         wanted = self._limits.level if self.state is Trust.LEVEL else self._held
         self._now = self._limits.approached(self._now, wanted, seconds)
-        return self._now.at(min(max(share, 0.0), 1.0) if phase is GaitPhase.STANCE and share == share else 0.0)
+        return self._now.at(min(max(share, 0.0), 1.0) if phase is GaitPhase.STANCE and math.isfinite(share) else 0.0)
 
     def _go_on(self, phase: GaitPhase, landed: bool, contradicted: bool) -> None:
         """Change the state."""

@@ -25,8 +25,8 @@ _STIFFNESS_PER_KG: Final = np.array([1.3, 1.5, 1.9, 3.0, 4.3, 5.8, 6.5, 6.1, 3.5
 _STANDING_PER_KG: Final = np.full(9, 4.5)
 _INVERSION_SHARE: Final = 0.33
 _TORQUE_SHARE: Final = np.array([0.0, 0.08, 0.2, 0.4, 0.6, 0.75, 0.85, 1.0])
-_TORQUE_PER_KG: Final = np.array([0.0, 0.10, -0.05, -0.45, -0.95, -1.35, -1.20, 0.0])
-"""About Z, as the sensor reads it: a dorsiflexing moment first, then the calf's."""
+_TORQUE_PER_KG: Final = np.array([0.0, -0.10, 0.05, 0.45, 0.95, 1.35, 1.20, 0.0])
+"""On the foot, about Z: the heel's load plantarflexes it first, then the ball's dorsiflexes it against the calf."""
 _SHANK_RAD: Final = (-0.22, 0.35)
 _FOOT_OF_KG: Final = 0.0155
 _DAMPED_KGM2: Final = np.array([0.02, 0.008])
@@ -93,9 +93,9 @@ class Person:
         return damping
 
     def usual_moment(self, stance: FloatArray) -> FloatArray:
-        """Return the moment (..., 2) on the platform about the ankle with no perturbation."""
+        """Return the moment (..., 2) of the platform on the foot about the ankle with no perturbation."""
         if not self.walks:
-            return np.broadcast_to(self.restless * self.mass_kg * np.array([-0.30, 0.02]), (*stance.shape, 2))
+            return np.broadcast_to(self.restless * self.mass_kg * np.array([0.30, 0.02]), (*stance.shape, 2))
         about_z = self.mass_kg * CubicSpline(_TORQUE_SHARE, _TORQUE_PER_KG)(stance)
         about_x = 0.12 * self.mass_kg * np.sin(np.pi * stance) * np.cos(1.5 * np.pi * stance)
         return np.stack((about_z, about_x), axis=-1)

@@ -34,6 +34,7 @@ from tests.bench.can_samples import (
     invalid_ground,
     motion,
     propagated_ground,
+    setpoint,
     stamp,
     terrain,
 )
@@ -144,6 +145,7 @@ ESTIMATES: dict[str, Estimate] = {
     "ground": ground(),
     "propagated_ground": propagated_ground(),
     "motion": motion(),
+    "setpoint": setpoint(),
     "terrain": terrain(),
     "health": health(),
 }
