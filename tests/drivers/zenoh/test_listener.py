@@ -328,7 +328,7 @@ def test_nobody_to_connect_to_is_one_clear_line(connect: str) -> None:
     ],
 )
 def test_a_topic_that_is_none_is_one_clear_line(topic: str, device: str | None) -> None:
-    with pytest.raises(UserError, match="TOPIC one of attitude, ground, .*, setpoint, health"):
+    with pytest.raises(UserError, match=r"TOPIC one of attitude, ground, .*, setpoint, health"):
         listen(topic, device)
 
 
