@@ -10,6 +10,12 @@ from cli.options import JsonFile
 
 if TYPE_CHECKING:
     from impedance.ankle.table import AnkleTable
+    from impedance.ankle.trial import AnkleTrial
+
+DelayFrom = Annotated[
+    Path | None,
+    typer.Option(help="extended.toml of `explain platform`, or `platform identify --json`, of a known weight."),
+]
 
 ankle = typer.Typer(help="Identify the ankle's stiffness and damping over stance.", no_args_is_help=True)
 
@@ -87,10 +93,7 @@ def import_c3d(
 def identify(
     trial: Annotated[Path, typer.Argument(help="Folder with trial.toml, cycles.csv and events.csv.")],
     out: Annotated[Path, typer.Option(help="The file to write.")] = Path("ankle_impedance.toml"),
-    delay_from: Annotated[
-        Path | None,
-        typer.Option(help="extended.toml of `explain platform`, or `platform identify --json`, of a known weight."),
-    ] = None,
+    delay_from: DelayFrom = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the curves into this PNG.")] = None,
     html: Annotated[Path | None, typer.Option(help="Write the report into this HTML file.")] = None,
     json: JsonFile = None,
@@ -99,16 +102,12 @@ def identify(
     from cli.console import check_writable, console, write_json
     from cli.progress import working
     from impedance.ankle.impedance import identify as identified
-    from impedance.ankle.inherited import read_delay, with_delay
     from impedance.ankle.plot import draw
     from impedance.ankle.report import write_report
     from impedance.ankle.table import save_table, table_of
-    from impedance.ankle.trial import load_trial
 
     check_writable(json)
-    recorded = load_trial(trial)
-    if delay_from is not None:
-        recorded = with_delay(recorded, read_delay(delay_from))
+    recorded = _recorded(trial, delay_from)
     with working("identifying"):
         found = table_of(recorded, identified(recorded))
     save_table(out, found)
@@ -125,24 +124,17 @@ def identify(
 @ankle.command()
 def validate(
     trial: Annotated[Path, typer.Argument(help="Folder of a trial of a mock-up, its trial.toml with [mockup].")],
-    delay_from: Annotated[
-        Path | None,
-        typer.Option(help="extended.toml of `explain platform`, or `platform identify --json`, of a known weight."),
-    ] = None,
+    delay_from: DelayFrom = None,
     json: JsonFile = None,
 ) -> None:
     """Compare what is identified of a mock-up with its known values; exit code 1 where it is not within 2 and 5 %."""
     from cli.console import check_writable, table, write_json
     from cli.progress import working
     from impedance.ankle.impedance import identify as identified
-    from impedance.ankle.inherited import read_delay, with_delay
-    from impedance.ankle.trial import load_trial
     from impedance.ankle.validation import rows, validated
 
     check_writable(json)
-    recorded = load_trial(trial)
-    if delay_from is not None:
-        recorded = with_delay(recorded, read_delay(delay_from))
+    recorded = _recorded(trial, delay_from)
     with working("identifying"):
         every = validated(recorded, identified(recorded))
     columns = ["axis", "quantity", "known", "found, 95 %", "off", "allowed", ""]
@@ -178,3 +170,12 @@ def _print(found: "AnkleTable") -> None:
         for sentence in axis_sentences(axis):
             console.print(sentence)
     console.print(delay_sentence(found))
+
+
+def _recorded(folder: Path, delay_from: Path | None) -> "AnkleTrial":
+    """Return the trial, with the wrench's delay that a known weight told in `delay_from`."""
+    from impedance.ankle.inherited import read_delay, with_delay
+    from impedance.ankle.trial import load_trial
+
+    trial = load_trial(folder)
+    return trial if delay_from is None else with_delay(trial, read_delay(delay_from))

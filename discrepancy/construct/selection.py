@@ -20,7 +20,7 @@ from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate, Library, library, noise_beneath
 from discrepancy.search.equivalents import SAME_CHI2
 from discrepancy.search.fit import Fit, Fitter, columns_of
-from discrepancy.search.refits import base_of, cost, price
+from discrepancy.search.refits import base_of, cost, price, simplest_first
 from discrepancy.search.scores import Products, chance_maximum, drops, products, threshold
 from discrepancy.search.search import Found
 from discrepancy.search.singles import Single
@@ -40,8 +40,6 @@ _FIRST_STEPS, _SECOND_STEPS = 2, 8
 """Steps of a fit that only has to show whether it is worth following, and finishing."""
 _PROMISING = 0.05
 """Of the best linear score: a term with a lower one is not refitted."""
-_OF_GAIN = 0.005
-"""Of the gain in χ², for each parameter more: what it must bring beside its price."""
 _OF_EXCESS = 0.03
 """Of the excess that is left: what a further term must remove. Less may be the first ones' own inexactness."""
 _RIVALS, _RIVAL_STEPS = 3, 10
@@ -289,7 +287,7 @@ class Selection:
         fits = here.fitter.fit_each([(fit.values, fit.keys) for _, fit in near])
         finished = [(candidate, fit) for (candidate, _), fit in zip(near, fits, strict=True)]
         material = _OF_EXCESS * max(before.chi2 - here.white.count, 0.0)
-        for candidate, fit in _simplest_first(before, finished):
+        for candidate, fit in simplest_first(before, finished, lambda each: each[1]):
             gain = before.chi2 - fit.chi2 - (price(fit.keys) - price(best.keys))
             if gain > max(least, material):
                 return fit, (*causes, candidate)
@@ -310,22 +308,6 @@ def _best_of_each(candidates: Sequence[Candidate], fits: Sequence[Fit]) -> list[
     for each in sorted(zip(candidates, fits, strict=True), key=lambda each: cost(each[1])):
         best.setdefault(each[0].effect, each)
     return list(best.values())
-
-
-def _simplest_first(best: Fit, found: Sequence[tuple[Candidate, Fit]]) -> list[tuple[Candidate, Fit]]:
-    """Return fits, the best penalised first, but before it those with fewer parameters that gain nearly as much."""
-    ranked = sorted(found, key=lambda each: cost(each[1]))
-    if not ranked:
-        return []
-    first = ranked[0][1]
-    gained = best.chi2 - first.chi2
-
-    def nearly(fit: Fit) -> bool:
-        fewer = len(first.keys) - len(fit.keys)
-        return fewer > 0 and best.chi2 - fit.chi2 >= (1.0 - _OF_GAIN * fewer) * gained
-
-    simpler = sorted((each for each in ranked[1:] if nearly(each[1])), key=lambda each: len(each[1].keys))
-    return [*simpler, *(each for each in ranked if each not in simpler)]
 
 
 def _chi2(white: Whitening, fit: Fit) -> float:

@@ -1,8 +1,9 @@
 """Fits and linear scores of candidates beside what is in already, under one whitening that may be made anew."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import combinations
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,8 +22,13 @@ _BASE_STEPS, _RECOLOURED_STEPS = 3, 4
 """Steps of a fit that begins where it converged under another whitening."""
 _UNDONE = 0.65
 """Of what either of two effects changes: where they change less together, one undoes the other."""
+_OF_GAIN = 0.005
+"""Of the gain in χ², for each parameter more: what it must bring beside its price."""
 _RECOLOURING_ROUNDS = 1
 """Estimates of the noise beneath the library when it is whitened anew: the fit's own residual is little but noise."""
+
+
+T = TypeVar("T")
 
 
 def base_of(problem: Problem, begun: dict[str, float] | None = None) -> tuple[Fit, FloatArray]:
@@ -49,6 +55,24 @@ def price(keys: Sequence[str]) -> float:
 def cost(fit: Fit) -> float:
     """Return the penalised χ² of a fit, by which sets of causes are compared."""
     return fit.chi2 + price(fit.keys)
+
+
+def simplest_first(best: Fit, found: Iterable[T], fit_of: Callable[[T], Fit]) -> list[T]:
+    """Return what was found, the best penalised first, but before it what has fewer parameters and gains nearly as much
+    on `best`: many parameters imitate anything a little better on data that no model fits to the last digit.
+    """
+    ranked = sorted(found, key=lambda each: cost(fit_of(each)))
+    if not ranked:
+        return []
+    first = fit_of(ranked[0])
+    gained = best.chi2 - first.chi2
+
+    def nearly(fit: Fit) -> bool:
+        fewer = len(first.keys) - len(fit.keys)
+        return fewer > 0 and best.chi2 - fit.chi2 >= (1.0 - _OF_GAIN * fewer) * gained
+
+    simpler = sorted((each for each in ranked[1:] if nearly(fit_of(each))), key=lambda each: len(fit_of(each).keys))
+    return [*simpler, *(each for each in ranked if each not in simpler)]
 
 
 class Refits:

@@ -15,7 +15,7 @@ from discrepancy.evidence.whitening import Whitening
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate, Library
 from discrepancy.search.fit import Fit
-from discrepancy.search.refits import Refits, cost, price
+from discrepancy.search.refits import Refits, cost, price, simplest_first
 from discrepancy.search.scores import Products, chance_maximum, inflation_of, pairs, threshold
 from discrepancy.search.singles import FINISHED, FIRST_STEPS, NEAR, Single, singles
 from discrepancy.search.smallest import Smallest, smallest
@@ -43,8 +43,6 @@ _OF_EXCESS = 0.03
 
 _MANY, _OF_EXPLAINED = 3, 3e-4
 """Causes, from which on a further one must bring this share of what all explain: their formulas are no better."""
-_OF_GAIN = 0.005
-"""Of the gain in χ², for each parameter more: what it must bring beside its price."""
 
 Proposal = tuple[Fit, tuple[Candidate, ...]]
 """A fit with the candidates that it holds."""
@@ -209,29 +207,12 @@ class Search:
         proposals = [(fit, causes) for fit, causes in proposals if all(refits.matters(fit, each) for each in causes)]
         ranked = sorted(proposals, key=lambda each: cost(each[0]))[:FINISHED]
         finished = [(refits.finished(fit), causes) for fit, causes in ranked]
-        for fit, causes in self._simplest_first(best, finished):
+        for fit, causes in simplest_first(best, finished, lambda each: each[0]):
             gain = (best.chi2 - fit.chi2) / inflation_of(at_base, causes, refits.library.base)
             pays = gain - (price(fit.keys) - price(best.keys)) > least
             if pays and refits.likelier(fit, best) and not refits.cancel(fit, causes):
                 return fit, causes
         return None
-
-    def _simplest_first(self, best: Fit, proposals: Sequence[Proposal]) -> list[Proposal]:
-        """Return proposals, the best penalised first, but before it those with fewer parameters that gain nearly as
-        much on `best`: many parameters imitate anything a little better on data that no model fits to the last digit.
-        """
-        ranked = sorted(proposals, key=lambda each: cost(each[0]))
-        if not ranked:
-            return []
-        first = ranked[0][0]
-        gained = best.chi2 - first.chi2
-
-        def nearly(fit: Fit) -> bool:
-            fewer = len(first.keys) - len(fit.keys)
-            return fewer > 0 and best.chi2 - fit.chi2 >= (1.0 - _OF_GAIN * fewer) * gained
-
-        simpler = sorted((each for each in ranked[1:] if nearly(each[0])), key=lambda each: len(each[0].keys))
-        return [*simpler, *(each for each in ranked if each not in simpler)]
 
     def _swapped(self, best: Fit, causes: tuple[Candidate, ...]) -> Proposal:
         """Return the causes, each replaced by a rival that fits better."""
