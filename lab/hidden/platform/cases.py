@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from impedance.recording.recording import PlatformRecording
-from lab.hidden.case import Case, TrueCause, Truth
+from lab.hidden.case import Case, Kind, TrueCause, Truth
 from lab.hidden.platform.drawn import EFFECTS, NEEDS_FOOT, NEEDS_KNOWN_PLATE, OUTSIDE, SIZES, Drawn, drawn
 from lab.hidden.platform.scene import nuisance, platform_unit, tones
 from messages.arrays import FloatArray
@@ -120,9 +120,12 @@ def _flaws(hidden: Sequence[_Hidden]) -> Flaws:
 
 
 def _unit(case: Case, hidden: Sequence[_Hidden]) -> PlatformUnit:
-    """Return a unit on which the case's effects can show; one that aliases is updated at the effect's size, Hz."""
+    """Return a unit on which the case's effects can show, and of a withheld one all that is left out with it; one that
+    aliases is updated at the effect's size, Hz.
+    """
     bare = any(effect in NEEDS_KNOWN_PLATE for effect in case.effects)
-    loaded = any(effect in NEEDS_FOOT for effect in case.effects)
+    left_out = [set(alike) for alike in LOOK_ALIKES if case.kind is Kind.WITHHELD and set(alike) & set(case.effects)]
+    loaded = any(effect in NEEDS_FOOT for effect in set(case.effects).union(*left_out))
     with_foot = False if bare else True if loaded else None
     unit = platform_unit(case.stream("scene"), with_foot=with_foot, known=True if bare else None)
     update_hz = next((each.size for each in hidden if each.effect == "aliasing"), unit.update_hz)
