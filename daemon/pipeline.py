@@ -94,7 +94,7 @@ class Pipeline:
         self._ground = GroundEstimator(calibration, foothold)
         self._health = HealthMonitor(calibration.id, "" if learnt is None else learnt.id)
         self._load = Load.NORMAL
-        self._passes_over = False  # motion and terrain of a frame: of every second one under load
+        self._passes_over = False  # terrain of every second frame under load; motion too, where frames come fast enough
         self._sample_guard = SampleGuard()
         self._frame_guard = FrameGuard()
         self._motion = MotionWatch(calibration)
@@ -223,7 +223,8 @@ class Pipeline:
     def _estimate_ground(self, frame: Frame) -> Iterator[Estimate]:
         self._waiting = None
         self._passes_over = self._load is Load.REDUCED and not self._passes_over
-        step = None if self._passes_over else self._motion.add_frame(frame, self._attitude.foretold)
+        follows = not (self._passes_over and self._motion.can_miss(frame.header.t_exposure_ns))
+        step = self._motion.add_frame(frame, self._attitude.foretold) if follows else None
         if step is not None:
             self._attitude.add_camera_step(step, sound=self._motion.reason is Reason.NONE)
         placed = self._placed(frame.header)
@@ -242,6 +243,7 @@ class Pipeline:
             terrain = self._terrain_of(frame, placed, ground)
             self._kind = terrain.kind
             yield self._gait.with_foothold(terrain, steps, ground, path)
+        if follows:
             self._motion.finish_frame()
         if self._contradiction is Reason.NONE and self._attitude.is_confirmed:
             self._attitude.checkpoint()

@@ -55,7 +55,10 @@ class VisualOdometer:
     `skew` is how the eyes' rows differ in the newest pair; `jumps` tell whether all distances have jumped.
     """
 
-    longest_step_s = 0.125  # one frame of 20 Hz may be missing: later, corners have moved too far
+    longest_step_s = 0.125  # one frame of 20 Hz may be missing: later, a walker's corners have moved too far
+    longest_slow_step_s = 0.3  # where the IMU foretells that they have not
+    most_travel_m = 0.15
+    most_turn_rad = 0.15
     least_tracks = 12  # for six unknowns, of which some are wrong
     # What all corners share: blur that changes, rounding to pixels, the ground that a window sees come nearer.
     common_radps = 0.0012
@@ -93,12 +96,13 @@ class VisualOdometer:
         """Take a raw pair, (height, width) uint8 of the calibrated size; return the motion since the one before.
 
         `inner` is how C moved meanwhile as the IMU felt it, from `t_before_ns` on; without it the motion counts as
-        steady. None at the start, after a gap longer than `longest_step_s`, and where too little can be followed.
+        steady. None at the start, after a gap in which corners may have moved too far, and where too little can be
+        followed.
         """
         self.prepare_next()
         before = self._view
         self._unprepared = _Pair(t_exposure_ns, self._stereo.detail(left), self._stereo.detail(right))
-        if before is None or not 0.0 < 1e-9 * (t_exposure_ns - before.t_exposure_ns) < self.longest_step_s:
+        if before is None or not self._can_follow(1e-9 * (t_exposure_ns - before.t_exposure_ns), inner):
             return None
         motion = self._motion(before, self._unprepared, inner)
         self._judge_distances(self._unprepared)
@@ -110,12 +114,21 @@ class VisualOdometer:
             self._view, self.skew = self._stereo.view(*self._unprepared)
             self._unprepared = None
 
+    def _can_follow(self, step_s: float, inner: InnerMotion | None) -> bool:
+        """Return whether corners are still near where they were `step_s` ago."""
+        if 0.0 < step_s < self.longest_step_s:
+            return True
+        if not 0.0 < step_s < self.longest_slow_step_s or inner is None or inner.foretold is None:
+            return False
+        R, p_m = inner.at(np.array([step_s]))
+        return bool(np.linalg.norm(p_m[0]) < self.most_travel_m and np.linalg.norm(so3.log(R[0])) < self.most_turn_rad)
+
     def _motion(self, before: View, pair: _Pair, inner: InnerMotion | None) -> EgoMotion | None:
         """Return the motion as the IMU has it, or else, where that is refuted, as it was in the step before."""
         if len(before.points_C) < self.least_tracks:
             return None
         motion = None if inner is None else self._motion_within(before, pair, inner)
-        if motion is None:
+        if motion is None and 1e-9 * (pair.t_exposure_ns - before.t_exposure_ns) < self.longest_step_s:
             motion = self._motion_within(before, pair, steady_motion(self._last_rates))
             if motion is not None and inner is not None and motion.tracks < self._settings.least_surprising:
                 motion = None

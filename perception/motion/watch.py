@@ -77,6 +77,12 @@ class MotionWatch:
             self._samples.add(sample.t_sample_ns, sf_B_mps2, w_B_radps)
             self._clock.add_sample(sample.t_sample_ns, w_B_radps)
 
+    def can_miss(self, t_exposure_ns: int) -> bool:
+        """Return whether a frame of that time may be passed over: the next, as much later again, can be followed."""
+        if self._odometer is None or self._odometer.t_before_ns is None:
+            return True
+        return 2e-9 * (t_exposure_ns - self._odometer.t_before_ns) < self._odometer.longest_step_s
+
     def add_frame(self, frame: Frame, foretold: MotionForetold | None = None) -> CameraStep | None:
         """Take a frame and return how the camera moved, where that is known from two eyes that are as calibrated.
 

@@ -276,6 +276,14 @@ def test_under_reduced_load_the_ground_is_still_found(wearer: SimulatedWearer, i
     assert [e for e in estimates if isinstance(e, Health)][-1].load is Load.REDUCED
 
 
+def test_under_reduced_load_few_frames_are_still_followed(wearer: SimulatedWearer, inputs: list[Input]) -> None:
+    few = [m for m in inputs if not isinstance(m, StereoFrame) or m.header.seq % 2]
+    later = next(k for k, m in enumerate(few) if isinstance(m, StereoFrame) and m.header.seq > 16)
+    reduced = [*few[:later], LoadLevel(t_ns=START_NS, load=Load.REDUCED), *few[later:]]
+    motions = [e for e in run(pipeline(wearer), reduced) if isinstance(e, Motion)]
+    assert {motion.status for motion in motions[-8:]} == {Status.VALID}
+
+
 def test_swapped_eyes_are_named(wearer: SimulatedWearer, inputs: list[Input]) -> None:
     swapped = [
         StereoFrame(header=m.header, left=m.right, right=m.left) if isinstance(m, StereoFrame) else m for m in inputs

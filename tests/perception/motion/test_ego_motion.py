@@ -136,6 +136,13 @@ def test_one_recording_gives_one_result(wearer: SimulatedWearer, frames: list[St
     assert first.covariance.tobytes() == second.covariance.tobytes()
 
 
+def test_over_a_gap_a_camera_that_hardly_moves_is_followed() -> None:
+    wearer = SimulatedWearer(21, scenario("standing"), START_NS, perfect_calibration=True)
+    told = motions(wearer, [frame for frame, _ in wearer.frames(11, first=WALKING)][::5])
+    assert None not in told[1:]
+    assert column_rms(errors(wearer, told))[3:].max() < 0.012
+
+
 def test_a_gap_begins_anew(wearer: SimulatedWearer, frames: list[StereoFrame]) -> None:
     told = motions(wearer, [*frames[:5], *frames[8:]])
     assert told[4] is not None
