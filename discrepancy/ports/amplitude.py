@@ -4,14 +4,16 @@ On outputs and inputs alike: `signals` are (k, n).
 """
 
 import math
+from functools import partial
 
 import numpy as np
 from scipy import fft
 
 from discrepancy.ports.declared import Arrays, Rows, Side, SignalTerm
+from discrepancy.ports.placed import on_signal
 from discrepancy.ports.ranges import Span, Spans
-from discrepancy.ports.sizes import SHARE, on_signal
-from discrepancy.simulation import Channels, Effect, Parameter
+from discrepancy.ports.sizes import SHARE
+from discrepancy.simulation import Channels, Parameter
 from messages.arrays import FloatArray
 
 _LIMITS = (0.7, 0.9, 0.98)
@@ -27,12 +29,10 @@ _STATIC = "Hold the signal still at several values and compare it with a referen
 
 def amplitude(side: Side, place: int, names: tuple[str, ...], spans: dict[str, Span], whole: Spans) -> list[SignalTerm]:
     """Return what may be wrong with the values of one signal, the `place`th of its side."""
-    channel = names[place]
+    channel, unit = names[place], unit_of(names[place])
+    term = partial(on_signal, side, channel)
     span = spans[channel]
     wide = span.high - span.low or 1.0
-
-    def effect(name: str, *parameters: Parameter, told: tuple[str, str, str]) -> Effect:
-        return on_signal(side, channel, name, parameters, *told)
 
     def gain(signals: Rows, _channels: Channels, p: Arrays) -> FloatArray:
         return signals[place] * (1.0 + p["share"])
@@ -60,74 +60,66 @@ def amplitude(side: Side, place: int, names: tuple[str, ...], spans: dict[str, S
         x = signals[place]
         return x - np.clip(x, -p["half_width"], p["half_width"])
 
-    shares = tuple(Parameter(name, "1", 0.0, -1.0, 1.0, SHARE) for name in ("quadratic", "cubic"))
     found = [
-        SignalTerm(side, channel, what, formula)
-        for what, formula in (
-            (
-                effect(
-                    "gain",
-                    Parameter("share", "1", 0.0, -0.9, 5.0, SHARE),
-                    told=("Its scale is off by a share.", "Calibrate it, or correct the factor.", _STATIC),
-                ),
-                gain,
-            ),
-            (
-                effect(
-                    "offset",
-                    Parameter("value", unit_of(channel), 0.0, -2.0 * wide, 2.0 * wide, SHARE * wide),
-                    told=("Its zero is off.", "Tare it at a known zero.", _STATIC),
-                ),
-                offset,
-            ),
-            (
-                on_signal(
-                    side,
-                    channel,
-                    "curve",
-                    shares,
-                    "It is not straight: a share of its square or cube, at its size in this recording, is added.",
-                    "Calibrate it at more than two points.",
-                    _STATIC,
-                    choices=(("quadratic",), ("cubic",), ("quadratic", "cubic")),
-                ),
-                curve,
-            ),
-            (
-                effect(
-                    "play",
-                    Parameter("width", unit_of(channel), 0.0, 0.0, 0.5 * wide, SHARE * wide),
-                    told=(
-                        "It has play: after each reversal it stands still before it follows. The whole width is told.",
-                        "Tighten gear, coupling or mounting.",
-                        "Go slowly up and down: play leaves a loop whose width does not depend on speed.",
-                    ),
-                ),
-                play,
-            ),
-        )
+        term(
+            "gain",
+            gain,
+            (Parameter("share", "1", 0.0, -0.9, 5.0, SHARE),),
+            "Its scale is off by a share.",
+            "Calibrate it, or correct the factor.",
+            _STATIC,
+        ),
+        term(
+            "offset",
+            offset,
+            (Parameter("value", unit, 0.0, -2.0 * wide, 2.0 * wide, SHARE * wide),),
+            "Its zero is off.",
+            "Tare it at a known zero.",
+            _STATIC,
+        ),
+        term(
+            "curve",
+            curve,
+            tuple(Parameter(name, "1", 0.0, -1.0, 1.0, SHARE) for name in ("quadratic", "cubic")),
+            "It is not straight: a share of its square or cube, at its size in this recording, is added.",
+            "Calibrate it at more than two points.",
+            _STATIC,
+            choices=(("quadratic",), ("cubic",), ("quadratic", "cubic")),
+        ),
+        term(
+            "play",
+            play,
+            (Parameter("width", unit, 0.0, 0.0, 0.5 * wide, SHARE * wide),),
+            "It has play: after each reversal it stands still before it follows. The whole width is told.",
+            "Tighten gear, coupling or mounting.",
+            "Go slowly up and down: play leaves a loop whose width does not depend on speed.",
+        ),
+        _saturation(side, place, channel, span),
     ]
-    found.append(_saturation(side, place, channel, span))
     if side == "input":
-        what = effect(
-            "dead_band",
-            Parameter("half_width", unit_of(channel), 0.0, 0.0, 0.5 * span.size, SHARE * span.size),
-            told=("Small inputs do nothing.", "Add the dead band to the model, or its inverse to the input.", _STATIC),
-        )
-        found.append(SignalTerm(side, channel, what, dead_band))
+        found += [
+            term(
+                "dead_band",
+                dead_band,
+                (Parameter("half_width", unit, 0.0, 0.0, 0.5 * span.size, SHARE * span.size),),
+                "Small inputs do nothing.",
+                "Add the dead band to the model, or its inverse to the input.",
+                _STATIC,
+            )
+        ]
     else:
         rate = SHARE * wide / whole.seconds
-        what = effect(
-            "drift",
-            Parameter("rate", f"{unit_of(channel)}/s", 0.0, -400.0 * rate, 400.0 * rate, rate),
-            told=(
+        found += [
+            term(
+                "drift",
+                drift,
+                (Parameter("rate", f"{unit}/s", 0.0, -400.0 * rate, 400.0 * rate, rate),),
                 "Its zero drifts with time.",
                 "Let it warm up, and tare before and after.",
                 "Record at rest for long.",
             ),
-        )
-        found.append(SignalTerm(side, channel, what, drift))
-        found += _tone(place, channel, wide, whole)
+            *_tone(place, channel, wide, whole),
+        ]
     return found + _coupled(side, place, names, spans)
 
 
@@ -148,17 +140,19 @@ def rounded(place: int, names: tuple[str, ...], measured: FloatArray) -> list[Si
         out: FloatArray = np.where(p["step"] > 0.0, np.round(signals[place] / width) * width, signals[place])
         return out
 
-    what = on_signal(
-        "output",
-        channel,
-        "quantisation",
-        (Parameter("step", unit_of(channel), 0.0, 0.0, 5.0 * step, 0.02 * step),),
-        "It is rounded to coarse steps.",
-        "Use a finer converter or a smaller range.",
-        "List the values that it takes: they are multiples of one step.",
-        starts=({"step": step},),
-    )
-    return [SignalTerm("output", channel, what, quantised)]
+    return [
+        on_signal(
+            "output",
+            channel,
+            "quantisation",
+            quantised,
+            (Parameter("step", unit_of(channel), 0.0, 0.0, 5.0 * step, 0.02 * step),),
+            "It is rounded to coarse steps.",
+            "Use a finer converter or a smaller range.",
+            "List the values that it takes: they are multiples of one step.",
+            starts=({"step": step},),
+        )
+    ]
 
 
 def _saturation(side: Side, place: int, channel: str, span: Span) -> SignalTerm:
@@ -167,13 +161,15 @@ def _saturation(side: Side, place: int, channel: str, span: Span) -> SignalTerm:
     def saturated(signals: Rows, _channels: Channels, p: Arrays) -> FloatArray:
         return np.clip(signals[place], p["lower"], p["upper"])
 
-    what = on_signal(
+    unit = unit_of(channel)
+    return on_signal(
         side,
         channel,
         "saturation",
+        saturated,
         (
-            Parameter("upper", unit_of(channel), math.inf, middle, middle + 1.2 * half, SHARE * half, own_bounds=True),
-            Parameter("lower", unit_of(channel), -math.inf, middle - 1.2 * half, middle, SHARE * half, own_bounds=True),
+            Parameter("upper", unit, math.inf, middle, middle + 1.2 * half, SHARE * half, own_bounds=True),
+            Parameter("lower", unit, -math.inf, middle - 1.2 * half, middle, SHARE * half, own_bounds=True),
         ),
         "It is cut off at a limit.",
         "Choose a larger range, or smaller motion.",
@@ -181,7 +177,6 @@ def _saturation(side: Side, place: int, channel: str, span: Span) -> SignalTerm:
         choices=(("upper",), ("lower",), ("upper", "lower")),
         starts=tuple({"upper": middle + share * half, "lower": middle - share * half} for share in _LIMITS),
     )
-    return SignalTerm(side, channel, what, saturated)
 
 
 def _tone(place: int, channel: str, wide: float, whole: Spans) -> list[SignalTerm]:
@@ -199,20 +194,22 @@ def _tone(place: int, channel: str, wide: float, whole: Spans) -> list[SignalTer
         return np.asarray(signals[place] + p["sine"] * np.sin(phase) + p["cosine"] * np.cos(phase))
 
     unit, lowest_hz = unit_of(channel), float(f_hz[_PERIODS - 1])
-    what = on_signal(
-        "output",
-        channel,
-        "tone",
-        (
-            *(Parameter(name, unit, 0.0, -wide, wide, 0.2 * SHARE * wide) for name in ("sine", "cosine")),
-            Parameter("hz", "Hz", float(f_hz[highest[0]]), lowest_hz, float(f_hz[-1]), 0.05 / whole.seconds),
-        ),
-        "A hum of one frequency is added, whatever the inputs do.",
-        "Look for the mains, a fan or another machine; shield or filter it.",
-        "Record with all inputs off: the hum stays.",
-        starts=tuple({"hz": float(f_hz[each])} for each in highest),
-    )
-    return [SignalTerm("output", channel, what, tone)]
+    return [
+        on_signal(
+            "output",
+            channel,
+            "tone",
+            tone,
+            (
+                *(Parameter(name, unit, 0.0, -wide, wide, 0.2 * SHARE * wide) for name in ("sine", "cosine")),
+                Parameter("hz", "Hz", float(f_hz[highest[0]]), lowest_hz, float(f_hz[-1]), 0.05 / whole.seconds),
+            ),
+            "A hum of one frequency is added, whatever the inputs do.",
+            "Look for the mains, a fan or another machine; shield or filter it.",
+            "Record with all inputs off: the hum stays.",
+            starts=tuple({"hz": float(f_hz[each])} for each in highest),
+        )
+    ]
 
 
 def _coupled(side: Side, place: int, names: tuple[str, ...], spans: dict[str, Span]) -> list[SignalTerm]:
@@ -230,19 +227,18 @@ def _coupled(side: Side, place: int, names: tuple[str, ...], spans: dict[str, Sp
     parameters = []
     for k in others:
         most = own / spans[names[k]].size
-        parameters.append(
-            Parameter(
-                f"from_{names[k]}", f"{unit_of(names[place])}/{unit_of(names[k])}", 0.0, -most, most, SHARE * most
-            )
+        unit = f"{unit_of(names[place])}/{unit_of(names[k])}"
+        parameters.append(Parameter(f"from_{names[k]}", unit, 0.0, -most, most, SHARE * most))
+    return [
+        on_signal(
+            side,
+            names[place],
+            "cross_coupling",
+            coupled,
+            tuple(parameters),
+            "It shows a share of another channel.",
+            "Align the axes, or take the share off.",
+            "Move one channel at a time.",
+            choices=tuple((p.name,) for p in parameters),
         )
-    what = on_signal(
-        side,
-        names[place],
-        "cross_coupling",
-        tuple(parameters),
-        "It shows a share of another channel.",
-        "Align the axes, or take the share off.",
-        "Move one channel at a time.",
-        choices=tuple((p.name,) for p in parameters),
-    )
-    return [SignalTerm(side, names[place], what, coupled)]
+    ]

@@ -7,11 +7,14 @@ a small speed v₀, since an integrator takes no jump:
     sgn v ≈ tanh(v / v₀)                                                                                           (1)
 """
 
+from functools import partial
+
 import numpy as np
 
 from discrepancy.ports.declared import Arrays, PortTerm, Rows
+from discrepancy.ports.placed import at_port
 from discrepancy.ports.ranges import PortSpan, Span
-from discrepancy.ports.sizes import MOST, SHARE, at_port, both, half, over
+from discrepancy.ports.sizes import MOST, SHARE, both, half, over
 from discrepancy.simulation import Parameter
 from messages.arrays import FloatArray
 
@@ -33,9 +36,9 @@ def friction(span: PortSpan, step_s: float) -> list[PortTerm]:
     place = span.port.place("velocity")
     if place is None:
         return []
-    speed, unit = span.signals[place], span.port.unit
-    per_speed = over(unit, span.port.signals[place].unit)
-    per_square = f"{unit}/({span.port.signals[place].unit})^2"
+    term = partial(at_port, span.port)
+    speed, speed_unit, unit = span.signals[place], span.port.signals[place].unit, span.port.unit
+    per_speed, per_square = over(unit, speed_unit), f"{unit}/({speed_unit})^2"
     v0 = max(_STILL * speed.size, _JUMPS * speed.jump)
 
     def sign(v: FloatArray) -> FloatArray:
@@ -61,77 +64,49 @@ def friction(span: PortSpan, step_s: float) -> list[PortTerm]:
 
     most = MOST * span.size
     force = SHARE * span.size
+    size = speed.size
+    fading = Parameter("fades_at", speed_unit, _SLOW[1] * size, 0.01 * size, 0.7 * size, 0.01 * size)
     return [
-        PortTerm(
-            span.port.name,
-            at_port(
-                span.port,
-                "viscous_friction",
-                (Parameter("value", per_speed, 0.0, -most / speed.size, most / speed.size, force / speed.size),),
-                "A damping is missing: a force proportional to speed acts against the motion.",
-                "Add the damping to the model, or look for oil, eddy currents or a hose that drags.",
-                _SLOW_MOTION,
-            ),
+        term(
+            "viscous_friction",
             viscous,
+            (Parameter("value", per_speed, 0.0, -most / speed.size, most / speed.size, force / speed.size),),
+            "A damping is missing: a force proportional to speed acts against the motion.",
+            "Add the damping to the model, or look for oil, eddy currents or a hose that drags.",
+            _SLOW_MOTION,
         ),
-        PortTerm(
-            span.port.name,
-            at_port(
-                span.port,
-                "coulomb_friction",
-                (half("value", unit, span.size),),
-                "Dry friction is missing: a force of constant size acts against the motion.",
-                "Add dry friction to the model, or look at bearings, seals and guides.",
-                _SLOW_MOTION,
-            ),
+        term(
+            "coulomb_friction",
             coulomb,
+            (half("value", unit, span.size),),
+            "Dry friction is missing: a force of constant size acts against the motion.",
+            "Add dry friction to the model, or look at bearings, seals and guides.",
+            _SLOW_MOTION,
         ),
-        PortTerm(
-            span.port.name,
-            at_port(
-                span.port,
-                "stribeck_friction",
-                (
-                    half("value", unit, span.size),
-                    Parameter(
-                        "fades_at",
-                        span.port.signals[place].unit,
-                        _SLOW[1] * speed.size,
-                        0.01 * speed.size,
-                        0.7 * speed.size,
-                        0.01 * speed.size,
-                    ),
-                ),
-                "Friction is higher at low speed and fades as the parts begin to slide on a film.",
-                "Add the Stribeck term to the model, or use a lubricant that breaks away more easily.",
-                _SLOW_MOTION,
-                starts=tuple({"fades_at": share * speed.size} for share in _SLOW),
-            ),
+        term(
+            "stribeck_friction",
             stribeck,
+            (half("value", unit, span.size), fading),
+            "Friction is higher at low speed and fades as the parts begin to slide on a film.",
+            "Add the Stribeck term to the model, or use a lubricant that breaks away more easily.",
+            _SLOW_MOTION,
+            starts=tuple({"fades_at": share * speed.size} for share in _SLOW),
         ),
-        PortTerm(
-            span.port.name,
-            at_port(
-                span.port,
-                "asymmetric_friction",
-                (both("value", unit, span.size),),
-                "Dry friction is stronger forward than backward, by twice this value.",
-                "Add friction with a value for each direction, or look for a load or a seal that pulls one way.",
-                _SLOW_MOTION,
-            ),
+        term(
+            "asymmetric_friction",
             asymmetric,
+            (both("value", unit, span.size),),
+            "Dry friction is stronger forward than backward, by twice this value.",
+            "Add friction with a value for each direction, or look for a load or a seal that pulls one way.",
+            _SLOW_MOTION,
         ),
-        PortTerm(
-            span.port.name,
-            at_port(
-                span.port,
-                "quadratic_drag",
-                (Parameter("value", per_square, 0.0, 0.0, most / speed.size**2, force / speed.size**2),),
-                "A drag is missing that grows with the square of speed, as of air or water.",
-                "Add the drag to the model, or shield the moving part.",
-                _SLOW_MOTION,
-            ),
+        term(
+            "quadratic_drag",
             drag,
+            (Parameter("value", per_square, 0.0, 0.0, most / speed.size**2, force / speed.size**2),),
+            "A drag is missing that grows with the square of speed, as of air or water.",
+            "Add the drag to the model, or shield the moving part.",
+            _SLOW_MOTION,
         ),
         _inertia(span, place, speed, step_s),
         *_hysteresis(span, place),
@@ -154,17 +129,14 @@ def _inertia(span: PortSpan, place: int, speed: Span, step_s: float) -> PortTerm
 
     per_s = span.port.signals[place].unit
     unit = over(span.port.unit, f"{per_s}^2" if per_s.endswith("/s") else f"{per_s}/s")
-    return PortTerm(
-        span.port.name,
-        at_port(
-            span.port,
-            "missing_inertia",
-            (Parameter("value", unit, 0.0, -0.5 * own, 2.0 * own, scale),),
-            "Inertia is missing: a force proportional to acceleration acts against it.",
-            "Weigh what moves along (cable, coupling, liquid) and add it to the model.",
-            "Fasten a known mass and look whether the model with it is off by as much.",
-        ),
+    return at_port(
+        span.port,
+        "missing_inertia",
         inertia,
+        (Parameter("value", unit, 0.0, -0.5 * own, 2.0 * own, scale),),
+        "Inertia is missing: a force proportional to acceleration acts against it.",
+        "Weigh what moves along (cable, coupling, liquid) and add it to the model.",
+        "Fasten a known mass and look whether the model with it is off by as much.",
         memory=1,
         begun=begun,
     )
@@ -184,29 +156,20 @@ def _hysteresis(span: PortSpan, place: int) -> list[PortTerm]:
         v, z = signals[place], own[0]
         return -p["value"] * z, ((v - 0.5 * (np.abs(v) * z + v * np.abs(z))) / p["within"],)
 
+    unit = span.port.signals[at].unit
     return [
-        PortTerm(
-            span.port.name,
-            at_port(
-                span.port,
-                "hysteresis",
-                (
-                    half("value", span.port.unit, span.size),
-                    Parameter(
-                        "within",
-                        span.port.signals[at].unit,
-                        _YIELDS[0] * travel,
-                        0.02 * travel,
-                        2.0 * travel,
-                        0.01 * travel,
-                    ),
-                ),
-                "A force is missing that builds up with displacement and then yields: loading and unloading differ.",
-                "Add a hysteretic (Bouc-Wen) element, or replace the part that creeps (rubber, cable, joint).",
-                "Cycle slowly with several amplitudes: the loop of force over position does not depend on speed.",
-                starts=tuple({"within": share * travel} for share in _YIELDS),
-            ),
+        at_port(
+            span.port,
+            "hysteresis",
             hysteresis,
+            (
+                half("value", span.port.unit, span.size),
+                Parameter("within", unit, _YIELDS[0] * travel, 0.02 * travel, 2.0 * travel, 0.01 * travel),
+            ),
+            "A force is missing that builds up with displacement and then yields: loading and unloading differ.",
+            "Add a hysteretic (Bouc-Wen) element, or replace the part that creeps (rubber, cable, joint).",
+            "Cycle slowly with several amplitudes: the loop of force over position does not depend on speed.",
+            starts=tuple({"within": share * travel} for share in _YIELDS),
             memory=1,
         )
     ]

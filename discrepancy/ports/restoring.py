@@ -4,13 +4,15 @@ Counted positive where it drives back. Position and level count from the model's
 """
 
 import math
+from functools import partial
 
 import numpy as np
 
 from discrepancy.ports.declared import Arrays, PortTerm, Role, Rows
 from discrepancy.ports.friction import half_range
+from discrepancy.ports.placed import at_port
 from discrepancy.ports.ranges import PortSpan
-from discrepancy.ports.sizes import MOST, SHARE, at_port, both, over
+from discrepancy.ports.sizes import MOST, SHARE, both, over
 from discrepancy.simulation import Parameter
 from messages.arrays import FloatArray
 
@@ -43,21 +45,19 @@ def _constant(span: PortSpan) -> PortTerm:
     def constant(_signals: Rows, _own: Rows, p: Arrays) -> tuple[FloatArray, Rows]:
         return p["value"], ()
 
-    return PortTerm(
-        span.port.name,
-        at_port(
-            span.port,
-            "constant",
-            (both("value", span.port.unit, span.size),),
-            "Something constant is missing, such as a weight, a leak or an amplifier's zero.",
-            "Level the machine, or set the zero of what drives it.",
-            "Switch all inputs off and look where it goes by itself.",
-        ),
+    return at_port(
+        span.port,
+        "constant",
         constant,
+        (both("value", span.port.unit, span.size),),
+        "Something constant is missing, such as a weight, a leak or an amplifier's zero.",
+        "Level the machine, or set the zero of what drives it.",
+        "Switch all inputs off and look where it goes by itself.",
     )
 
 
 def _springs(span: PortSpan, role: Role, place: int) -> list[PortTerm]:
+    term = partial(at_port, span.port)
     unit, size = span.port.signals[place].unit, span.signals[place].size
     most, force = MOST * span.size, SHARE * span.size
 
@@ -73,55 +73,44 @@ def _springs(span: PortSpan, role: Role, place: int) -> list[PortTerm]:
 
     stiffness = Parameter("value", over(span.port.unit, unit), 0.0, -most / size, most / size, force / size)
     if role == "level":
-        what = at_port(
-            span.port,
-            "leak",
-            (stiffness,),
-            "A loss is missing that grows with the level, as through a leak or a wall.",
-            "Close the leak or insulate, or add it to the model.",
-            "Fill, switch the inputs off and watch the level for a long time.",
-        )
-        return [PortTerm(span.port.name, what, linear)]
-    return [
-        PortTerm(
-            span.port.name,
-            at_port(
-                span.port,
-                "spring",
+        return [
+            term(
+                "leak",
+                linear,
                 (stiffness,),
-                "A spring is missing: a force proportional to displacement drives back.",
-                "Look for a cable, a hose or gravity that pulls, and add it to the model.",
-                _LOAD,
-            ),
+                "A loss is missing that grows with the level, as through a leak or a wall.",
+                "Close the leak or insulate, or add it to the model.",
+                "Fill, switch the inputs off and watch the level for a long time.",
+            )
+        ]
+    return [
+        term(
+            "spring",
             linear,
+            (stiffness,),
+            "A spring is missing: a force proportional to displacement drives back.",
+            "Look for a cable, a hose or gravity that pulls, and add it to the model.",
+            _LOAD,
         ),
-        PortTerm(
-            span.port.name,
-            at_port(
-                span.port,
-                "cubic_spring",
-                (Parameter("value", over(span.port.unit, f"{unit}^3"), 0.0, *_cube(most, size), force / size**3),),
-                "A spring hardens, or softens, with displacement.",
-                "Add the cubic term to the spring of the model, or stay within smaller amplitudes.",
-                _LOAD,
-            ),
+        term(
+            "cubic_spring",
             cubic,
+            (Parameter("value", over(span.port.unit, f"{unit}^3"), 0.0, *_cube(most, size), force / size**3),),
+            "A spring hardens, or softens, with displacement.",
+            "Add the cubic term to the spring of the model, or stay within smaller amplitudes.",
+            _LOAD,
         ),
-        PortTerm(
-            span.port.name,
-            at_port(
-                span.port,
-                "dead_band_spring",
-                (
-                    Parameter("value", over(span.port.unit, unit), 0.0, 0.0, 10.0 * most / size, force / size),
-                    Parameter("gap", unit, 0.0, 0.0, size, SHARE * size),
-                ),
-                "A spring is missing that acts only beyond a free play to either side.",
-                "Tighten what is loose, or add the play and the spring behind it to the model.",
-                _LOAD,
-                starts=tuple({"gap": share * size} for share in _GAPS),
-            ),
+        term(
+            "dead_band_spring",
             dead_band,
+            (
+                Parameter("value", over(span.port.unit, unit), 0.0, 0.0, 10.0 * most / size, force / size),
+                Parameter("gap", unit, 0.0, 0.0, size, SHARE * size),
+            ),
+            "A spring is missing that acts only beyond a free play to either side.",
+            "Tighten what is loose, or add the play and the spring behind it to the model.",
+            _LOAD,
+            starts=tuple({"gap": share * size} for share in _GAPS),
         ),
     ]
 
@@ -131,6 +120,7 @@ def _cube(most: float, size: float) -> tuple[float, float]:
 
 
 def _limits(span: PortSpan, role: Role, place: int, step_s: float) -> list[PortTerm]:
+    term = partial(at_port, span.port)
     unit, signal = span.port.signals[place].unit, span.signals[place]
     travel = 2.0 * half_range(signal)
     speeds = span.port.place("velocity") is not None
@@ -154,16 +144,21 @@ def _limits(span: PortSpan, role: Role, place: int, step_s: float) -> list[PortT
         return tuple({"limit": signal.low + share * travel, "stiffness": stiff} for share in shares)
 
     if role == "level":
-        explanation = "It runs over: above a level, what is too much leaves by another way."
-        remedy = "Add the overflow to the model, or stay below the rim."
-        what = at_port(span.port, "overflow", limit(math.inf), explanation, remedy, _PUSH, starts=starts(_STOPS))
-        return [PortTerm(span.port.name, what, beyond)]
-    explanation = "It reaches an end stop that the model does not have."
-    remedy = "Add the stop to the model, or stay clear of it."
-    upper = at_port(span.port, "upper_stop", limit(math.inf), explanation, remedy, _PUSH, starts=starts(_STOPS))
-    lowest = tuple(1.0 - share for share in _STOPS)
-    lower = at_port(span.port, "lower_stop", limit(-math.inf), explanation, remedy, _PUSH, starts=starts(lowest))
-    return [PortTerm(span.port.name, upper, beyond), PortTerm(span.port.name, lower, below)]
+        words = (
+            "It runs over: above a level, what is too much leaves by another way.",
+            "Add the overflow to the model, or stay below the rim.",
+            _PUSH,
+        )
+        return [term("overflow", beyond, limit(math.inf), *words, starts=starts(_STOPS))]
+    words = (
+        "It reaches an end stop that the model does not have.",
+        "Add the stop to the model, or stay clear of it.",
+        _PUSH,
+    )
+    return [
+        term("upper_stop", beyond, limit(math.inf), *words, starts=starts(_STOPS)),
+        term("lower_stop", below, limit(-math.inf), *words, starts=starts(tuple(1.0 - share for share in _STOPS))),
+    ]
 
 
 def _cogging(span: PortSpan, place: int) -> PortTerm:
@@ -178,20 +173,17 @@ def _cogging(span: PortSpan, place: int) -> PortTerm:
         angle = per * p["periods"] * signals[place]
         return p["sine"] * np.sin(angle) + p["cosine"] * np.cos(angle), ()
 
-    return PortTerm(
-        span.port.name,
-        at_port(
-            span.port,
-            "cogging",
-            (
-                both("sine", span.port.unit, span.size),
-                both("cosine", span.port.unit, span.size),
-                Parameter("periods", f"1/{unit}", periods[0], 0.2 * periods[0], 4.0 * periods[-1], scale),
-            ),
-            "A force is missing that repeats itself along the way, as of a motor's magnets, a gear's teeth or a screw.",
-            "Measure it once at creeping speed and feed it forward, or add it to the model.",
-            "Turn slowly by hand and count the detents.",
-            starts=tuple({"periods": each} for each in periods),
-        ),
+    return at_port(
+        span.port,
+        "cogging",
         cogging,
+        (
+            both("sine", span.port.unit, span.size),
+            both("cosine", span.port.unit, span.size),
+            Parameter("periods", f"1/{unit}", periods[0], 0.2 * periods[0], 4.0 * periods[-1], scale),
+        ),
+        "A force is missing that repeats itself along the way, as of a motor's magnets, a gear's teeth or a screw.",
+        "Measure it once at creeping speed and feed it forward, or add it to the model.",
+        "Turn slowly by hand and count the detents.",
+        starts=tuple({"periods": each} for each in periods),
     )

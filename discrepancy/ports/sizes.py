@@ -1,7 +1,6 @@
-"""What the effects at all places share: sizes from what a recording spans, names from their places."""
+"""Sizes and units of what effects may add at their places, from what a recording spans."""
 
-from discrepancy.ports.declared import Port, Side
-from discrepancy.simulation import Effect, Parameter, Values
+from discrepancy.simulation import Parameter
 
 SHARE = 0.005
 """Of what moves a system as much as it moves: a smaller effect is of no matter to anybody."""
@@ -22,36 +21,3 @@ def both(name: str, unit: str, size: float) -> Parameter:
 def over(unit: str, other: str) -> str:
     """Return the unit of one over another."""
     return f"{unit}/({other})" if any(sign in other for sign in "/ *") else f"{unit}/{other}"
-
-
-def at_port(
-    port: Port,
-    name: str,
-    parameters: tuple[Parameter, ...],
-    explanation: str,
-    remedy: str,
-    experiment: str,
-    *,
-    choices: tuple[tuple[str, ...], ...] = (),
-    starts: tuple[Values, ...] = (),
-) -> Effect:
-    """Return an effect at a port, named by it and told with its words."""
-    told = f"At {port.words}: {explanation[0].lower()}{explanation[1:]}"
-    return Effect(f"{name}_at_{port.name}", parameters, told, remedy, experiment, choices, starts)
-
-
-def on_signal(
-    side: Side,
-    channel: str,
-    name: str,
-    parameters: tuple[Parameter, ...],
-    explanation: str,
-    remedy: str,
-    experiment: str,
-    *,
-    choices: tuple[tuple[str, ...], ...] = (),
-    starts: tuple[Values, ...] = (),
-) -> Effect:
-    """Return an effect on an input or output, named by it."""
-    told = f"{channel} ({'measured' if side == 'output' else 'input'}): {explanation[0].lower()}{explanation[1:]}"
-    return Effect(f"{name}_of_{channel}", parameters, told, remedy, experiment, choices, starts)

@@ -4,13 +4,15 @@ On outputs and inputs alike: `signals` are (k, n), and what is told is positive 
 """
 
 import math
+from functools import partial
 
 import numpy as np
 from scipy.signal import lfilter
 
 from discrepancy.ports.declared import Arrays, Rows, Side, SignalTerm
+from discrepancy.ports.placed import on_signal
 from discrepancy.ports.ranges import Span, Spans
-from discrepancy.ports.sizes import SHARE, on_signal
+from discrepancy.ports.sizes import SHARE
 from discrepancy.simulation import Channels, Parameter
 from messages.arrays import FloatArray
 
@@ -27,7 +29,8 @@ _STEPWISE = "Step an input and compare when the channels begin to move, and how 
 
 def timing(side: Side, place: int, names: tuple[str, ...], span: Span, whole: Spans) -> list[SignalTerm]:
     """Return what may be wrong with the times of one signal, the `place`th of its side."""
-    channel, step_s = names[place], whole.step_s
+    term = partial(on_signal, side, names[place])
+    step_s = whole.step_s
     longest = _MOST_OF_RECORD * whole.seconds
     shift = SHARE * (span.high - span.low) * step_s / span.jump if span.jump > 0.0 else step_s
     scale = float(np.clip(shift, _LEAST_STEPS * step_s, 0.1 * longest))
@@ -54,75 +57,42 @@ def timing(side: Side, place: int, names: tuple[str, ...], span: Span, whole: Sp
         return at_times(held, t_s, signals[place])
 
     found = [
-        SignalTerm(
-            side,
-            channel,
-            on_signal(
-                side,
-                channel,
-                "delay",
-                (Parameter("value", "s", 0.0, -longest, longest, scale),),
-                "It comes late.",
-                "Subtract the delay from its stamps, or model it.",
-                _STEPWISE,
-            ),
+        term(
+            "delay",
             delay,
+            (Parameter("value", "s", 0.0, -longest, longest, scale),),
+            "It comes late.",
+            "Subtract the delay from its stamps, or model it.",
+            _STEPWISE,
         ),
-        SignalTerm(
-            side,
-            channel,
-            on_signal(
-                side,
-                channel,
-                "lag",
-                (Parameter("value", "s", 0.0, 0.0, longest, scale),),
-                "It is smoothed, as by a filter or a slow sensor or actuator: it follows with a time constant.",
-                "Put the filter into the model, or switch it off.",
-                _STEPWISE,
-            ),
+        term(
+            "lag",
             lag,
+            (Parameter("value", "s", 0.0, 0.0, longest, scale),),
+            "It is smoothed, as by a filter or a slow sensor or actuator: it follows with a time constant.",
+            "Put the filter into the model, or switch it off.",
+            _STEPWISE,
         ),
     ]
     if side == "output":
+        slowest, fastest = 5.0 / whole.seconds, 1.0 / step_s
         found += [
-            SignalTerm(
-                side,
-                channel,
-                on_signal(
-                    side,
-                    channel,
-                    "clock_drift",
-                    (Parameter("rate", "s/s", 0.0, -_MOST_OF_RECORD, _MOST_OF_RECORD, scale / whole.seconds),),
-                    "Its clock runs slow against that of the inputs: it is the later the longer the recording.",
-                    "Stamp both with one clock.",
-                    "Give the same blow at the beginning and at the end, and compare their times.",
-                ),
+            term(
+                "clock_drift",
                 clock,
+                (Parameter("rate", "s/s", 0.0, -_MOST_OF_RECORD, _MOST_OF_RECORD, scale / whole.seconds),),
+                "Its clock runs slow against that of the inputs: it is the later the longer the recording.",
+                "Stamp both with one clock.",
+                "Give the same blow at the beginning and at the end, and compare their times.",
             ),
-            SignalTerm(
-                side,
-                channel,
-                on_signal(
-                    side,
-                    channel,
-                    "aliasing",
-                    (
-                        Parameter(
-                            "update_hz",
-                            "Hz",
-                            math.inf,
-                            5.0 / whole.seconds,
-                            1.0 / step_s,
-                            1e-3 / step_s,
-                            own_bounds=True,
-                        ),
-                    ),
-                    "It is sampled at a slower clock, without a filter before, and held between.",
-                    "Read it as fast as it is written, or put a filter before its sampler.",
-                    "List its values: they stand still and then jump, at a rate of their own.",
-                    starts=tuple({"update_hz": 1.0 / (step_s * times)} for times in _SLOWER),
-                ),
+            term(
+                "aliasing",
                 slow,
+                (Parameter("update_hz", "Hz", math.inf, slowest, fastest, 1e-3 / step_s, own_bounds=True),),
+                "It is sampled at a slower clock, without a filter before, and held between.",
+                "Read it as fast as it is written, or put a filter before its sampler.",
+                "List its values: they stand still and then jump, at a rate of their own.",
+                starts=tuple({"update_hz": 1.0 / (step_s * times)} for times in _SLOWER),
             ),
         ]
     return found
@@ -141,19 +111,15 @@ def lost(place: int, names: tuple[str, ...], measured: FloatArray) -> list[Signa
         return np.asarray(signal + p["held"] * (signal[:, fresh] - signal))
 
     return [
-        SignalTerm(
+        on_signal(
             "output",
             channel,
-            on_signal(
-                "output",
-                channel,
-                "dropped_samples",
-                (Parameter("held", "1", 0.0, 0.0, 1.5, 0.02),),
-                "Samples are lost, and the last one is written again in their place.",
-                "Record over a faster link, or mark lost samples as missing.",
-                "Count equal neighbours in a recording with noise: none may be equal to the one before.",
-            ),
+            "dropped_samples",
             dropped,
+            (Parameter("held", "1", 0.0, 0.0, 1.5, 0.02),),
+            "Samples are lost, and the last one is written again in their place.",
+            "Record over a faster link, or mark lost samples as missing.",
+            "Count equal neighbours in a recording with noise: none may be equal to the one before.",
         )
     ]
 

@@ -1,0 +1,47 @@
+"""Terms of the generic library made at their places: named by the place, and told to a person with its words."""
+
+from discrepancy.ports.declared import Beginning, Port, PortFormula, PortTerm, Side, SignalFormula, SignalTerm
+from discrepancy.simulation import Effect, Parameter, Values
+
+
+def at_port(
+    port: Port,
+    name: str,
+    formula: PortFormula,
+    parameters: tuple[Parameter, ...],
+    explanation: str,
+    remedy: str,
+    experiment: str,
+    *,
+    starts: tuple[Values, ...] = (),
+    memory: int = 0,
+    begun: Beginning | None = None,
+) -> PortTerm:
+    """Return a term at a port."""
+    told = _told(f"At {port.words}", explanation)
+    effect = Effect(f"{name}_at_{port.name}", parameters, told, remedy, experiment, starts=starts)
+    return PortTerm(port.name, effect, formula, memory, begun)
+
+
+def on_signal(
+    side: Side,
+    channel: str,
+    name: str,
+    formula: SignalFormula,
+    parameters: tuple[Parameter, ...],
+    explanation: str,
+    remedy: str,
+    experiment: str,
+    *,
+    choices: tuple[tuple[str, ...], ...] = (),
+    starts: tuple[Values, ...] = (),
+) -> SignalTerm:
+    """Return a term on a whole input or output."""
+    told = _told(f"{channel} ({'measured' if side == 'output' else 'input'})", explanation)
+    effect = Effect(f"{name}_of_{channel}", parameters, told, remedy, experiment, choices, starts)
+    return SignalTerm(side, channel, effect, formula)
+
+
+def _told(where: str, explanation: str) -> str:
+    """Return a sentence that begins with where it holds."""
+    return f"{where}: {explanation[0].lower()}{explanation[1:]}"
