@@ -1,17 +1,17 @@
 """`gaiteyes explain`: what a simulation gets wrong in a recording, why, and what the extended simulation gains."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.explain_answer import Asked, HeldOut, Only, Out, Report, Seed, Without, answer, write
+from cli.explain_answer import command, write
 from cli.explain_court import court
 from cli.explain_effects import effects
 from cli.explain_own import own, practice
 from cli.explain_tables import tables
-from cli.options import JsonFile
 
 if TYPE_CHECKING:
     from discrepancy.simulation import Simulation
@@ -29,30 +29,16 @@ explain = typer.Typer(
 explain.command()(court)
 explain.command()(tables)
 explain.command()(effects)
-explain.command()(own)
+explain.command("own")(command(own, "CSV file of the recording to fit."))
 explain.command()(practice)
 
 
-def _command(system: str) -> Callable[..., None]:
-    def recording(
-        recording: Annotated[Path, typer.Argument(help="Folder of the recording to fit.")],
-        out: Out,
-        held_out: HeldOut = None,
-        only: Only = "",
-        without: Without = "",
-        report: Report = True,
-        seed: Seed = 1,
-        json: JsonFile = None,
-    ) -> None:
-        asked = Asked(recording, out, held_out, only, without, report, seed, json)
-        answer(lambda folder: _loaded(system, folder), asked)
-
-    recording.__doc__ = _SYSTEMS[system]
-    return recording
+def _of_system(system: str) -> Callable[..., None]:
+    return command(lambda: partial(_loaded, system), "Folder of the recording to fit.")
 
 
-for _system in _SYSTEMS:
-    explain.command(_system)(_command(_system))
+for _system, _told in _SYSTEMS.items():
+    explain.command(_system, help=_told)(_of_system(_system))
 
 
 @explain.command()

@@ -2,37 +2,51 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from inspect import Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from cli.options import JsonFile
 
 if TYPE_CHECKING:
     from discrepancy.explanation import Explanation
     from discrepancy.simulation import Simulation
 
-Out = Annotated[Path, typer.Option(help="Folder for verdict, report, held-out data and extended model.")]
-HeldOut = Annotated[
-    Path | None, typer.Option(help="Another recording to test on; by default the last 30 % of the first.")
-]
-Only = Annotated[str, typer.Option(help="Try only these effects, with commas.")]
-Without = Annotated[str, typer.Option(help="Leave these effects out of the library, with commas.")]
-Report = Annotated[bool, typer.Option(help="Draw report.html (extra lab).")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of the random resampling for intervals.")]
-
 
 @dataclass(frozen=True)
 class Asked:
-    """What a person asked for, as the options say."""
+    """What a person asked for: the recording to fit, and the options of every such command."""
 
     recording: Path
-    out: Path
-    held_out: Path | None
-    only: str
-    without: str
-    report: bool
-    seed: int
-    json: Path | None
+    out: Annotated[Path, typer.Option(help="Folder for verdict, report, held-out data and extended model.")]
+    held_out: Annotated[
+        Path | None, typer.Option(help="Another recording to test on; by default the last 30 % of the first.")
+    ] = None
+    only: Annotated[str, typer.Option(help="Try only these effects, with commas.")] = ""
+    without: Annotated[str, typer.Option(help="Leave these effects out of the library, with commas.")] = ""
+    report: Annotated[bool, typer.Option(help="Draw report.html (extra lab).")] = True
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random resampling for intervals.")] = 1
+    json: JsonFile = None
+
+
+def command(loader: "Callable[..., Callable[[Path], Simulation]]", recording: str) -> Callable[..., None]:
+    """Return the command that explains a recording, told as `recording`.
+
+    It takes the arguments of `loader`, which returns what reads a recording, then the recording and all of `Asked`.
+    """
+    own, shared = signature(loader).parameters, dict(signature(Asked).parameters)
+    told = Annotated[Path, typer.Argument(help=recording)]
+    shared["recording"] = shared["recording"].replace(annotation=told)
+
+    def run(**given: Any) -> None:
+        load = loader(**{name: given[name] for name in own})
+        answer(load, Asked(**{name: given[name] for name in shared}))
+
+    run.__doc__ = loader.__doc__
+    run.__signature__ = Signature([*own.values(), *shared.values()])  # type: ignore[attr-defined]  # typer reads it
+    return run
 
 
 def answer(load: "Callable[[Path], Simulation]", asked: Asked) -> None:

@@ -1,30 +1,23 @@
 """`gaiteyes explain own` and `practice`: anybody's simulation, and recordings to try the finder on."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.explain_answer import Asked, HeldOut, Only, Out, Report, Seed, Without, answer
-from cli.options import JsonFile
+if TYPE_CHECKING:
+    from discrepancy.simulation import Simulation
 
 
 def own(
     function: Annotated[str, typer.Argument(help="MODULE:FUNCTION that makes the simulation from a table.")],
-    recording: Annotated[Path, typer.Argument(help="CSV file of the recording to fit.")],
-    out: Out,
-    held_out: HeldOut = None,
-    only: Only = "",
-    without: Without = "",
-    report: Report = True,
-    seed: Seed = 1,
-    json: JsonFile = None,
-) -> None:
+) -> "Callable[[Path], Simulation]":
     """Your own simulation: a function of a table that returns it, found in the current folder."""
     from systems.own.function import function_of, simulation_of
 
     found = function_of(function)
-    answer(lambda path: simulation_of(found, path), Asked(recording, out, held_out, only, without, report, seed, json))
+    return lambda path: simulation_of(found, path)
 
 
 def practice(
