@@ -30,29 +30,29 @@ static void tell_ground(struct ground_receiver *receiver, uint32_t frame_id, con
                         int64_t t_ns)
 {
     struct ground_estimate ground;
-    enum ground_verdict found = ground_receiver_feed(receiver, frame_id, data, length, t_ns, &ground);
-    if (found == GROUND_OK)
+    enum frame_verdict found = ground_receiver_feed(receiver, frame_id, data, length, t_ns, &ground);
+    if (found == FRAME_OK)
         printf("ground %+.4f %+.4f rad %.3f m sd %.4f %.4f %.4f age %.6f s calibration %03x\n",
                ground.slope_sagittal_rad, ground.slope_frontal_rad, ground.height_m, ground.slope_sagittal_sd_rad,
                ground.slope_frontal_sd_rad, ground.height_sd_m, ground.age_s, ground.calibration_id);
-    else if (found != GROUND_FIRST_HALF && found != GROUND_OTHER_MESSAGE)
-        printf("refused %s\n", ground_verdict_name(found));
+    else if (found != FRAME_FIRST_HALF && found != FRAME_OTHER_MESSAGE)
+        printf("refused %s\n", frame_verdict_name(found));
 }
 
 static void tell_setpoint(struct setpoint_receiver *receiver, uint32_t frame_id, const uint8_t *data, size_t length,
                           int64_t t_ns)
 {
     struct setpoint_update told;
-    enum setpoint_verdict found = setpoint_receiver_feed(receiver, frame_id, data, length, t_ns, &told);
-    if (found == SETPOINT_OK) {
+    enum frame_verdict found = setpoint_receiver_feed(receiver, frame_id, data, length, t_ns, &told);
+    if (found == FRAME_OK) {
         printf("setpoint slope %+.4f sd %.4f rad phase %u age %.6f s", told.slope_rad, told.slope_sd_rad, told.phase,
                told.age_s);
         for (int k = 0; k < SETPOINT_POINTS; k++)
             printf(" %+.4f %.1f %.2f", told.equilibrium_rad[k], told.stiffness_nm_per_rad[k],
                    told.damping_nms_per_rad[k]);
         printf(" sd %.3f %.2f %.2f\n", told.equilibrium_sd_rad, told.stiffness_sd_share, told.damping_sd_share);
-    } else if (found != SETPOINT_FIRST_HALF && found != SETPOINT_OTHER_MESSAGE)
-        printf("refused setpoint %s\n", setpoint_verdict_name(found));
+    } else if (found != FRAME_FIRST_HALF && found != FRAME_OTHER_MESSAGE)
+        printf("refused setpoint %s\n", frame_verdict_name(found));
 }
 
 static void tell(struct receivers *receivers, uint32_t frame_id, const uint8_t *data, size_t length, int64_t t_ns)

@@ -6,9 +6,7 @@
 #ifndef GROUND_RECEIVER_H
 #define GROUND_RECEIVER_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "frame_checks.h"
 
 /* SI units, in the heading frame H; t_exposure_ns is on the receiver's own clock. `_sd` is one standard deviation. */
 struct ground_estimate {
@@ -19,44 +17,20 @@ struct ground_estimate {
     uint16_t calibration_id; /* the first three hexadecimal digits of the calibration in use */
 };
 
-enum ground_verdict {
-    GROUND_OK, /* the estimate may be acted upon; everything below may not */
-    GROUND_OTHER_MESSAGE,
-    GROUND_FIRST_HALF, /* the second has yet to come */
-    GROUND_WRONG_LENGTH,
-    GROUND_WRONG_CRC,
-    GROUND_INITIAL, /* the first frame, or the first after a silence: its order cannot be judged */
-    GROUND_REPEATED,
-    GROUND_WRONG_SEQUENCE,
-    GROUND_TOO_SOON, /* it waited in a queue and is older than it says */
-    GROUND_FRAME_MISMATCH,
-    GROUND_NOT_LIVE,
-    GROUND_NOT_VALID,
-    GROUND_STALE,
-    GROUND_NOT_AVAILABLE
-};
-
-struct ground_sequence { /* of one message */
-    bool begun;
-    uint8_t counter;
-    int64_t t_ns;
-};
-
 struct ground_receiver {
     double max_age_s; /* more than 0 and less than 0.254; 0.1 suits walking */
     bool accept_simulated;
-    struct ground_sequence sequences[2];
-    bool has_first, first_heard;
-    int64_t t_first_ns, t_last_first_ns;
+    struct frame_sequence sequences[2];
+    struct frame_arrival last_first;
+    bool has_first;
+    int64_t t_first_ns;
     uint8_t first[8];
 };
 
 void ground_receiver_init(struct ground_receiver *receiver, double max_age_s, bool accept_simulated);
 
-/* Take one frame received at t_ns; fill `estimate` where GROUND_OK is returned. */
-enum ground_verdict ground_receiver_feed(struct ground_receiver *receiver, uint32_t frame_id, const uint8_t *data,
-                                         size_t length, int64_t t_ns, struct ground_estimate *estimate);
-
-const char *ground_verdict_name(enum ground_verdict verdict);
+/* Take one frame received at t_ns; fill `estimate` where FRAME_OK is returned. */
+enum frame_verdict ground_receiver_feed(struct ground_receiver *receiver, uint32_t frame_id, const uint8_t *data,
+                                        size_t length, int64_t t_ns, struct ground_estimate *estimate);
 
 #endif

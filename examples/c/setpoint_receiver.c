@@ -4,8 +4,10 @@
 
 #include "gaiteyes.h"
 
-enum { CYCLE_NS = 50000000, MAX_DELTA = 3, POINT = 0, QUALITY = 1, FD = 2 };
-static const int64_t MIN_SPACING_NS = CYCLE_NS / 4;
+enum { POINT = 0, QUALITY = 1, FD = 2 };
+
+/* Of the points 3 + 0.5 cycles are too long: 16 counters are gone in 3.2 cycles. */
+enum { POINT_SILENCE_NS = 5 * FRAME_CYCLE_NS / 2 };
 
 /* E2EDataIdList and E2EDataId of the messages in gaiteyes.dbc. */
 static const uint8_t DATA_IDS[2][16] = {
@@ -14,80 +16,32 @@ static const uint8_t DATA_IDS[2][16] = {
 };
 static const uint16_t DATA_ID_FD = 41901;
 
-static uint8_t crc8(uint8_t crc, uint8_t byte)
+static enum frame_verdict protection(struct frame_sequence *sequence, int which, const uint8_t *data, size_t length,
+                                     int64_t t_ns)
 {
-    crc ^= byte;
-    for (int bit = 0; bit < 8; bit++)
-        crc = (uint8_t)(crc & 0x80 ? (crc << 1) ^ 0x2F : crc << 1);
-    return crc;
-}
-
-static uint16_t crc16(uint16_t crc, uint8_t byte)
-{
-    crc = (uint16_t)(crc ^ byte << 8);
-    for (int bit = 0; bit < 8; bit++)
-        crc = (uint16_t)(crc & 0x8000 ? (crc << 1) ^ 0x1021 : crc << 1);
-    return crc;
-}
-
-/* AUTOSAR end-to-end profile 2: bytes 1 to 7, then the Data ID of this counter, which is not sent. */
-static bool intact_2(const uint8_t *data, const uint8_t *data_ids)
-{
-    uint8_t crc = 0xFF;
-    for (int place = 1; place < 8; place++)
-        crc = crc8(crc, data[place]);
-    uint8_t sent = (uint8_t)~data[0]; /* the CRC before its final XOR with 0xFF */
-    return sent == crc8(crc, data_ids[data[1] & 0x0F]);
-}
-
-/* Profile 5: bytes 2 to 31, then the Data ID, low byte first, which is not sent. */
-static bool intact_5(const uint8_t *data)
-{
-    uint16_t crc = 0xFFFF;
-    for (size_t place = 2; place < GAITEYES_SETPOINT_FD_LENGTH; place++)
-        crc = crc16(crc, data[place]);
-    crc = crc16(crc16(crc, (uint8_t)(DATA_ID_FD & 0xFF)), (uint8_t)(DATA_ID_FD >> 8));
-    return data[0] == (crc & 0xFF) && data[1] == crc >> 8;
-}
-
-static enum setpoint_verdict protection(struct setpoint_sequence *sequence, int which, const uint8_t *data,
-                                        size_t length, int64_t t_ns)
-{
-    if (length != (which == FD ? GAITEYES_SETPOINT_FD_LENGTH : GAITEYES_SETPOINT_LENGTH))
-        return SETPOINT_WRONG_LENGTH;
-    if (which == FD ? !intact_5(data) : !intact_2(data, DATA_IDS[which]))
-        return SETPOINT_WRONG_CRC;
-    /* Of the points 3 + 0.5 cycles are too long: 16 counters are gone in 3.2 cycles. */
-    int64_t silence_ns = (which == POINT ? 5 : 2 * MAX_DELTA + 1) * (int64_t)CYCLE_NS / 2;
-    uint8_t wraps = which == FD ? 0xFF : 0x0F;
-    struct setpoint_sequence last = *sequence;
-    *sequence = (struct setpoint_sequence){true, which == FD ? data[2] : (uint8_t)(data[1] & 0x0F), t_ns};
-    if (!last.begun || t_ns - last.t_ns > silence_ns)
-        return SETPOINT_INITIAL;
-    uint8_t delta = (uint8_t)(sequence->counter - last.counter) & wraps;
-    if (delta == 0)
-        return SETPOINT_REPEATED;
-    return delta <= MAX_DELTA ? SETPOINT_OK : SETPOINT_WRONG_SEQUENCE;
+    if (which == FD)
+        return frame_check_5(sequence, DATA_ID_FD, data, length, GAITEYES_SETPOINT_FD_LENGTH, t_ns);
+    int64_t silence_ns = which == POINT ? POINT_SILENCE_NS : FRAME_SILENCE_NS;
+    return frame_check_2(sequence, DATA_IDS[which], data, length, silence_ns, t_ns);
 }
 
 static void forget(struct setpoint_receiver *receiver) { memset(receiver->points, 0, sizeof receiver->points); }
 
 /* What holds for a frame before its points count. */
-static enum setpoint_verdict admitted(struct setpoint_receiver *receiver, uint8_t source, uint8_t status, uint8_t age_ms)
+static enum frame_verdict admitted(struct setpoint_receiver *receiver, uint8_t source, uint8_t status, uint8_t age_ms)
 {
-    bool told = source == GAITEYES_SETPOINT_SOURCE_REPLAY_CHOICE || source == GAITEYES_SETPOINT_SOURCE_SIMULATED_CHOICE;
-    bool live = source == GAITEYES_SETPOINT_SOURCE_LIVE_CHOICE || (receiver->accept_simulated && told);
-    if (!live || status != GAITEYES_SETPOINT_STATUS_VALID_CHOICE) {
+    bool counts = frame_source_counts(source, receiver->accept_simulated);
+    if (!counts || status != GAITEYES_SETPOINT_STATUS_VALID_CHOICE) {
         forget(receiver);
-        return live ? SETPOINT_NOT_VALID : SETPOINT_NOT_LIVE;
+        return counts ? FRAME_NOT_VALID : FRAME_NOT_LIVE;
     }
     if (age_ms == GAITEYES_SETPOINT_AGE_MS_NOT_AVAILABLE_CHOICE || age_ms > 1e3 * receiver->max_age_s)
-        return SETPOINT_STALE;
-    return SETPOINT_OK;
+        return FRAME_STALE;
+    return FRAME_OK;
 }
 
-static enum setpoint_verdict keep(struct setpoint_point *point, int64_t t_exposure_ns, int16_t equilibrium,
-                                  uint16_t stiffness, uint16_t damping)
+static enum frame_verdict keep(struct setpoint_point *point, int64_t t_exposure_ns, int16_t equilibrium,
+                               uint16_t stiffness, uint16_t damping)
 {
     *point = (struct setpoint_point){
         .told = equilibrium != GAITEYES_SETPOINT_EQUILIBRIUM_RAD_NOT_AVAILABLE_CHOICE &&
@@ -98,27 +52,27 @@ static enum setpoint_verdict keep(struct setpoint_point *point, int64_t t_exposu
         .stiffness_nm_per_rad = gaiteyes_setpoint_stiffness_nm_per_rad_decode(stiffness),
         .damping_nms_per_rad = gaiteyes_setpoint_damping_nms_per_rad_decode(damping),
     };
-    return point->told ? SETPOINT_FIRST_HALF : SETPOINT_NOT_AVAILABLE;
+    return point->told ? FRAME_FIRST_HALF : FRAME_NOT_AVAILABLE;
 }
 
-static enum setpoint_verdict take_point(struct setpoint_receiver *receiver, const struct gaiteyes_setpoint_t *told,
-                                        int64_t t_ns)
+static enum frame_verdict take_point(struct setpoint_receiver *receiver, const struct gaiteyes_setpoint_t *told,
+                                     int64_t t_ns)
 {
-    enum setpoint_verdict found = admitted(receiver, told->source, told->status, told->age_ms);
-    if (found != SETPOINT_OK)
+    enum frame_verdict found = admitted(receiver, told->source, told->status, told->age_ms);
+    if (found != FRAME_OK)
         return found;
     if (told->stance_percent >= SETPOINT_POINTS) /* raw: steps of 25 % */
-        return SETPOINT_NOT_AVAILABLE;
+        return FRAME_NOT_AVAILABLE;
     return keep(&receiver->points[told->stance_percent], t_ns - (int64_t)told->age_ms * 1000000, told->equilibrium_rad,
                 told->stiffness_nm_per_rad, told->damping_nms_per_rad);
 }
 
-static enum setpoint_verdict take_fd(struct setpoint_receiver *receiver, const struct gaiteyes_setpoint_fd_t *told,
-                                     int64_t t_ns)
+static enum frame_verdict take_fd(struct setpoint_receiver *receiver, const struct gaiteyes_setpoint_fd_t *told,
+                                  int64_t t_ns)
 {
     forget(receiver);
-    enum setpoint_verdict found = admitted(receiver, told->source, told->status, told->age_ms);
-    if (found != SETPOINT_OK)
+    enum frame_verdict found = admitted(receiver, told->source, told->status, told->age_ms);
+    if (found != FRAME_OK)
         return found;
     const int16_t equilibrium[] = {told->equilibrium_0_rad, told->equilibrium_25_rad, told->equilibrium_50_rad,
                                    told->equilibrium_75_rad, told->equilibrium_100_rad};
@@ -130,18 +84,18 @@ static enum setpoint_verdict take_fd(struct setpoint_receiver *receiver, const s
     for (int k = 0; k < SETPOINT_POINTS; k++) {
         found = keep(&receiver->points[k], t_ns - (int64_t)told->age_ms * 1000000, equilibrium[k], stiffness[k],
                      damping[k]);
-        if (found != SETPOINT_FIRST_HALF)
+        if (found != FRAME_FIRST_HALF)
             return found;
     }
-    return SETPOINT_FIRST_HALF;
+    return FRAME_FIRST_HALF;
 }
 
-static enum setpoint_verdict complete(struct setpoint_receiver *receiver, const struct gaiteyes_setpoint_quality_t *told,
-                                      int64_t t_ns, struct setpoint_update *update)
+static enum frame_verdict complete(struct setpoint_receiver *receiver, const struct gaiteyes_setpoint_quality_t *told,
+                                   int64_t t_ns, struct setpoint_update *update)
 {
     if (told->reason != GAITEYES_SETPOINT_QUALITY_REASON_NONE_CHOICE) {
         forget(receiver);
-        return SETPOINT_NOT_VALID;
+        return FRAME_NOT_VALID;
     }
     bool lacks = told->phase > GAITEYES_SETPOINT_QUALITY_PHASE_SWING_CHOICE ||
                  told->slope_rad == GAITEYES_SETPOINT_QUALITY_SLOPE_RAD_NOT_AVAILABLE_CHOICE ||
@@ -157,10 +111,10 @@ static enum setpoint_verdict complete(struct setpoint_receiver *receiver, const 
             oldest_ns = point->t_exposure_ns;
     }
     if (lacks)
-        return SETPOINT_NOT_AVAILABLE;
+        return FRAME_NOT_AVAILABLE;
     double age_s = 1e-9 * (double)(t_ns - oldest_ns);
     if (age_s > receiver->max_age_s)
-        return SETPOINT_STALE;
+        return FRAME_STALE;
     *update = (struct setpoint_update){
         .t_exposure_ns = oldest_ns,
         .age_s = age_s,
@@ -176,7 +130,7 @@ static enum setpoint_verdict complete(struct setpoint_receiver *receiver, const 
         update->stiffness_nm_per_rad[k] = receiver->points[k].stiffness_nm_per_rad;
         update->damping_nms_per_rad[k] = receiver->points[k].damping_nms_per_rad;
     }
-    return SETPOINT_OK;
+    return FRAME_OK;
 }
 
 void setpoint_receiver_init(struct setpoint_receiver *receiver, double max_age_s, bool accept_simulated)
@@ -184,8 +138,8 @@ void setpoint_receiver_init(struct setpoint_receiver *receiver, double max_age_s
     *receiver = (struct setpoint_receiver){.max_age_s = max_age_s, .accept_simulated = accept_simulated};
 }
 
-enum setpoint_verdict setpoint_receiver_feed(struct setpoint_receiver *receiver, uint32_t frame_id, const uint8_t *data,
-                                             size_t length, int64_t t_ns, struct setpoint_update *update)
+enum frame_verdict setpoint_receiver_feed(struct setpoint_receiver *receiver, uint32_t frame_id, const uint8_t *data,
+                                          size_t length, int64_t t_ns, struct setpoint_update *update)
 {
     static const uint32_t IDS[] = {GAITEYES_SETPOINT_FRAME_ID, GAITEYES_SETPOINT_QUALITY_FRAME_ID,
                                    GAITEYES_SETPOINT_FD_FRAME_ID};
@@ -193,23 +147,19 @@ enum setpoint_verdict setpoint_receiver_feed(struct setpoint_receiver *receiver,
     while (which <= FD && IDS[which] != frame_id)
         which++;
     if (which > FD)
-        return SETPOINT_OTHER_MESSAGE;
-    enum setpoint_verdict found = protection(&receiver->sequences[which], which, data, length, t_ns);
-    if (found == SETPOINT_INITIAL)
+        return FRAME_OTHER_MESSAGE;
+    enum frame_verdict found = protection(&receiver->sequences[which], which, data, length, t_ns);
+    if (found == FRAME_INITIAL)
         forget(receiver);
-    if (found != SETPOINT_OK)
+    if (found != FRAME_OK)
         return found;
     struct gaiteyes_setpoint_t point = {0};
     struct gaiteyes_setpoint_fd_t fd = {0};
     struct gaiteyes_setpoint_quality_t quality = {0};
     if (which == POINT)
         gaiteyes_setpoint_unpack(&point, data, length);
-    bool heard = receiver->heard[which][point.stance_percent];
-    int64_t last_ns = receiver->t_heard_ns[which][point.stance_percent];
-    receiver->heard[which][point.stance_percent] = true;
-    receiver->t_heard_ns[which][point.stance_percent] = t_ns;
-    if (heard && t_ns - last_ns < MIN_SPACING_NS)
-        return SETPOINT_TOO_SOON;
+    if (frame_too_soon(&receiver->last[which][point.stance_percent], t_ns))
+        return FRAME_TOO_SOON;
     if (which == POINT)
         return take_point(receiver, &point, t_ns);
     if (which == QUALITY)
@@ -217,7 +167,7 @@ enum setpoint_verdict setpoint_receiver_feed(struct setpoint_receiver *receiver,
     else {
         gaiteyes_setpoint_fd_unpack(&fd, data, length);
         found = take_fd(receiver, &fd, t_ns);
-        if (found != SETPOINT_FIRST_HALF)
+        if (found != FRAME_FIRST_HALF)
             return found;
         quality = (struct gaiteyes_setpoint_quality_t){
             .reason = fd.reason,
@@ -230,13 +180,4 @@ enum setpoint_verdict setpoint_receiver_feed(struct setpoint_receiver *receiver,
         };
     }
     return complete(receiver, &quality, t_ns, update);
-}
-
-const char *setpoint_verdict_name(enum setpoint_verdict verdict)
-{
-    static const char *const NAMES[] = {
-        "ok",       "other_message",  "first_half", "wrong_length", "wrong_crc", "initial", "repeated",
-        "wrong_sequence", "too_soon", "not_live",   "not_valid",    "stale",     "not_available",
-    };
-    return NAMES[verdict];
 }

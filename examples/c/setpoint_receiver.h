@@ -6,9 +6,7 @@
 #ifndef SETPOINT_RECEIVER_H
 #define SETPOINT_RECEIVER_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "frame_checks.h"
 
 enum { SETPOINT_POINTS = 5 }; /* at 0, 25, 50, 75 and 100 % of stance */
 
@@ -22,28 +20,6 @@ struct setpoint_update {
     double equilibrium_sd_rad, stiffness_sd_share, damping_sd_share; /* the largest over stance */
 };
 
-enum setpoint_verdict {
-    SETPOINT_OK, /* the update may be acted upon; everything below may not */
-    SETPOINT_OTHER_MESSAGE,
-    SETPOINT_FIRST_HALF, /* a point; SETPOINT_QUALITY has yet to come */
-    SETPOINT_WRONG_LENGTH,
-    SETPOINT_WRONG_CRC,
-    SETPOINT_INITIAL, /* the first frame, or the first after a silence: its order cannot be judged */
-    SETPOINT_REPEATED,
-    SETPOINT_WRONG_SEQUENCE,
-    SETPOINT_TOO_SOON, /* it waited in a queue and is older than it says */
-    SETPOINT_NOT_LIVE,
-    SETPOINT_NOT_VALID,
-    SETPOINT_STALE,
-    SETPOINT_NOT_AVAILABLE
-};
-
-struct setpoint_sequence { /* of one message */
-    bool begun;
-    uint8_t counter;
-    int64_t t_ns;
-};
-
 struct setpoint_point {
     bool told;
     int64_t t_exposure_ns;
@@ -53,18 +29,15 @@ struct setpoint_point {
 struct setpoint_receiver {
     double max_age_s; /* more than 0 and less than 0.254; 0.15 suits walking */
     bool accept_simulated;
-    struct setpoint_sequence sequences[3];
-    bool heard[3][SETPOINT_POINTS + 3];
-    int64_t t_heard_ns[3][SETPOINT_POINTS + 3];
+    struct frame_sequence sequences[3];
+    struct frame_arrival last[3][SETPOINT_POINTS + 3]; /* room for all that three bits can count */
     struct setpoint_point points[SETPOINT_POINTS];
 };
 
 void setpoint_receiver_init(struct setpoint_receiver *receiver, double max_age_s, bool accept_simulated);
 
-/* Take one frame received at t_ns; fill `update` where SETPOINT_OK is returned. */
-enum setpoint_verdict setpoint_receiver_feed(struct setpoint_receiver *receiver, uint32_t frame_id, const uint8_t *data,
-                                             size_t length, int64_t t_ns, struct setpoint_update *update);
-
-const char *setpoint_verdict_name(enum setpoint_verdict verdict);
+/* Take one frame received at t_ns; fill `update` where FRAME_OK is returned. */
+enum frame_verdict setpoint_receiver_feed(struct setpoint_receiver *receiver, uint32_t frame_id, const uint8_t *data,
+                                          size_t length, int64_t t_ns, struct setpoint_update *update);
 
 #endif
