@@ -1,5 +1,7 @@
 """Messages for the tests of the publishers and the CAN codec."""
 
+from typing import Any, Final
+
 import msgspec
 
 from messages import (
@@ -35,13 +37,19 @@ from messages import (
 
 NAN = float("nan")
 
+_SEEN: Final[dict[str, Any]] = {
+    "t_exposure_ns": 1_000_000_000,
+    "frame_seq": 3,
+    "status": Status.VALID,
+    "reason": Reason.NONE,
+    "calibration_id": "a3f01234",
+}
+"""What every estimate of a frame says of it."""
+
 
 def ground(**changes: object) -> GroundPlane:
     valid = GroundPlane(
-        t_exposure_ns=1_000_000_000,
-        frame_seq=3,
-        status=Status.VALID,
-        reason=Reason.NONE,
+        **_SEEN,
         slope_sagittal_rad=0.1,
         slope_frontal_rad=-0.05,
         height_m=0.931,
@@ -50,7 +58,6 @@ def ground(**changes: object) -> GroundPlane:
         matched_share=0.9,
         inlier_share=0.8,
         disparity_noise_px=0.1,
-        calibration_id="a3f01234",
     )
     return msgspec.structs.replace(valid, **changes)
 
@@ -92,10 +99,7 @@ def attitude() -> Attitude:
 
 def motion(**changes: object) -> Motion:
     valid = Motion(
-        t_exposure_ns=1_000_000_000,
-        frame_seq=3,
-        status=Status.VALID,
-        reason=Reason.NONE,
+        **_SEEN,
         velocity_H_mps=(1.2, 0.05, -0.1),
         rate_H_radps=(0.01, -0.2, 0.3),
         distance_m=12.5,
@@ -103,7 +107,6 @@ def motion(**changes: object) -> Motion:
         rate_cov_H=(4e-6, 0.0, 0.0, 4e-6, 0.0, 4e-6),
         distance_var_m2=1e-3,
         ground_moves=False,
-        calibration_id="a3f01234",
     )
     return msgspec.structs.replace(valid, **changes)
 
@@ -129,26 +132,19 @@ def terrain(**changes: object) -> Terrain:
         time_to_contact_sd_s=0.02,
     )
     valid = Terrain(
-        t_exposure_ns=1_000_000_000,
-        frame_seq=3,
-        status=Status.VALID,
-        reason=Reason.NONE,
+        **_SEEN,
         kind=TerrainKind.STEP_UP,
         probability=0.9,
         edges=(step,),
         obstacles=(post,),
         foothold=foothold,
-        calibration_id="a3f01234",
     )
     return msgspec.structs.replace(valid, **changes)
 
 
 def setpoint(**changes: object) -> Setpoint:
     valid = Setpoint(
-        t_exposure_ns=1_000_000_000,
-        frame_seq=3,
-        status=Status.VALID,
-        reason=Reason.NONE,
+        **_SEEN,
         phase=GaitPhase.SWING,
         kind=TerrainKind.RAMP_UP,
         slope_rad=0.1,
@@ -160,7 +156,6 @@ def setpoint(**changes: object) -> Setpoint:
         damping_nms_per_rad=(1.0, 2.0, 2.0, 2.0, 1.0),
         damping_sd_nms_per_rad=(0.5,) * 5,
         table_id="0123abcd",
-        calibration_id="a3f01234",
     )
     return msgspec.structs.replace(valid, **changes)
 

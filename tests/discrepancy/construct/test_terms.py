@@ -18,7 +18,7 @@ from discrepancy.values import Neutral, predicted
 from discrepancy.verdict import Quantity
 from lab.hidden.five_systems import CLEAN, drawn
 from lab.undeclared.five_systems import simulation
-from messages.errors import UserError
+from tests.bench.spoilt import check_refused
 
 ANGLE, RATE = Signal("angle", "rad", "position"), Signal("rate", "rad/s", "velocity")
 JOINT = Port("joint", "N·m", "the joint", (ANGLE, RATE))
@@ -153,11 +153,7 @@ def test_a_spoilt_term_is_refused_in_one_line(
     pendulum: PortedSimulation, tmp_path: Path, found: str, written: str, told: str
 ) -> None:
     path = tmp_path / "extended.toml"
-    assert found in _TEXT
-    path.write_text(_TEXT.replace(found, written), encoding="utf-8")
-    with pytest.raises(UserError, match=told) as refused:
-        with_constructed(path, pendulum)
-    assert str(path) in str(refused.value)
+    check_refused(lambda path: with_constructed(path, pendulum), path, _TEXT, found, written, told)
 
 
 def test_without_ports_nothing_is_constructed(pendulum: PortedSimulation) -> None:

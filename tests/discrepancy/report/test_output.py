@@ -17,6 +17,7 @@ from discrepancy.verdict import Quantity, from_json
 from messages.errors import UserError
 from tests.bench.explained import NAMES, TRUE, explanation, toy
 from tests.bench.html_page import read
+from tests.bench.spoilt import check_refused
 
 
 def test_verdict_and_model_come_back_as_they_were(tmp_path: Path) -> None:
@@ -71,13 +72,7 @@ def test_the_gain_can_be_recomputed_from_the_held_out_file(tmp_path: Path) -> No
 def test_a_spoilt_model_is_refused_in_one_line(tmp_path: Path, found: str, written: str, told: str) -> None:
     held_out = toy(1)
     text = extended_text(explanation(held_out))
-    assert found in text
-    path = tmp_path / "extended.toml"
-    path.write_text(text.replace(found, written, 1), encoding="utf-8")
-    with pytest.raises(UserError, match=told) as refused:
-        load_extended(path, held_out)
-    assert str(path) in str(refused.value)
-    assert "\n" not in str(refused.value)
+    check_refused(lambda path: load_extended(path, held_out), tmp_path / "extended.toml", text, found, written, told)
 
 
 def test_the_report_tells_everything_on_one_page_by_itself(tmp_path: Path) -> None:
