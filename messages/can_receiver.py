@@ -6,15 +6,12 @@ and everything else from the comments and attributes of `gaiteyes.dbc`.
 
 from typing import Generic, TypeVar
 
+from messages.can_checks import FrameChecks
 from messages.can_estimates import PAIRS, CanEstimate, PairOfFrames, Told
-from messages.can_frames import Fields, can_id, decode, profile
-from messages.e2e import E2eCheck, E2eReceiver
+from messages.can_frames import Fields, decode
 from messages.estimates import Source
 from messages.reasons import Reason, Status
 from messages.refusal import Refusal
-
-MAX_TOLD_AGE_S = 0.254
-MIN_SPACING_CYCLES = 0.25
 
 R = TypeVar("R", bound=CanEstimate)
 
@@ -36,38 +33,28 @@ class CanReceiver(Generic[R]):
 
     def __init__(self, kind: type[R], *, max_age_s: float | None = None, accept_simulated: bool = False) -> None:
         self._pair: PairOfFrames[R] = PAIRS[kind]
-        self._max_age_s = self._pair.topic.deadline_s if max_age_s is None else max_age_s
-        if not 0.0 < self._max_age_s < MAX_TOLD_AGE_S:
-            raise ValueError(
-                f"max_age_s: {max_age_s} is not between 0 and {MAX_TOLD_AGE_S} s, the oldest age a frame tells"
-            )
+        messages = (self._pair.first, self._pair.second)
+        self._checks = FrameChecks(messages, self._pair.topic, max_age_s, accept_simulated=accept_simulated)
         self.reason: str = Reason.NONE.value
-        self._accepted = set(Source) if accept_simulated else {Source.LIVE}
-        self._messages = {can_id(message): message for message in (self._pair.first, self._pair.second)}
-        self._checks = {message: E2eReceiver(profile(message)) for message in self._messages.values()}
-        self._min_spacing_ns = round(1e9 * MIN_SPACING_CYCLES * profile(self._pair.first).cycle_s)
-        self._t_first_ns: int | None = None
         self._first_half: tuple[Fields, int] | None = None
 
     @property
     def can_ids(self) -> tuple[int, ...]:
         """Return the identifiers of the frames that are read."""
-        return tuple(self._messages)
+        return tuple(self._checks.messages)
 
     def feed(self, frame_id: int, data: bytes, t_ns: int) -> R | Refusal:
         """Take one frame received at `t_ns`; return the estimate it completes, or why there is none."""
-        message = self._messages.get(frame_id)
+        message = self._checks.messages.get(frame_id)
         if message is None:
             return Refusal.OTHER_MESSAGE
-        is_first, last_ns = message is self._pair.first, self._t_first_ns
-        if is_first:
-            self._t_first_ns = t_ns
-        check = self._checks[message].check(data, t_ns)
-        if check is not E2eCheck.OK:
-            return Refusal(check.value)
+        is_first = message is self._pair.first
+        too_soon = is_first and self._checks.too_soon(message, t_ns)
+        refusal = self._checks.refusal(message, data, t_ns)
+        if refusal is not None:
+            return refusal
         fields = decode(message, data)
         if is_first:
-            too_soon = last_ns is not None and t_ns - last_ns < self._min_spacing_ns
             self._first_half = None if too_soon else (fields, t_ns)
             return Refusal.TOO_SOON if too_soon else Refusal.FIRST_HALF
         first_half, self._first_half = self._first_half, None
@@ -77,14 +64,14 @@ class CanReceiver(Generic[R]):
 
     def _check_pair(self, first: Fields, second: Fields, t_first_ns: int, t_ns: int) -> R | Refusal:
         words, numbers = first.words | second.words, first.numbers | second.numbers
-        if words["source"] not in self._accepted:
+        if words["source"] not in self._checks.accepted:
             return Refusal.NOT_LIVE
         if words["status"] != Status.VALID:
             self.reason = words["reason"]
             return Refusal.NOT_VALID
         age_at_first_s = 1e-3 * numbers["age_ms"]
         age_s = age_at_first_s + 1e-9 * (t_ns - t_first_ns)
-        if not age_s <= self._max_age_s:  # so written, an unknown age (NaN) is refused too
+        if not age_s <= self._checks.max_age_s:  # so written, an unknown age (NaN) is refused too
             return Refusal.STALE
         told = Told(t_first_ns - round(1e9 * age_at_first_s), age_s, Source(words["source"]), words, numbers)
         estimate = self._pair.read(told)

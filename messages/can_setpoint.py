@@ -4,10 +4,9 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from messages.can_checks import FrameChecks
 from messages.can_estimates import CanEstimate
-from messages.can_frames import POINT_NUMBERS, RESERVED, CanMessage, Fields, can_id, decode, on_point, profile
-from messages.can_receiver import MAX_TOLD_AGE_S, MIN_SPACING_CYCLES
-from messages.e2e import E2eCheck, E2eReceiver
+from messages.can_frames import POINT_NUMBERS, RESERVED, CanMessage, Fields, decode, on_point
 from messages.estimates import Source
 from messages.inputs import GaitPhase
 from messages.reasons import Reason, Status
@@ -59,41 +58,31 @@ class SetpointReceiver:
     """
 
     def __init__(self, *, max_age_s: float | None = None, accept_simulated: bool = False) -> None:
-        self._max_age_s = TOPIC_OF[Setpoint].deadline_s if max_age_s is None else max_age_s
-        if not 0.0 < self._max_age_s < MAX_TOLD_AGE_S:
-            raise ValueError(
-                f"max_age_s: {max_age_s} is not between 0 and {MAX_TOLD_AGE_S} s, the oldest age a frame tells"
-            )
+        self._checks = FrameChecks(_MESSAGES, TOPIC_OF[Setpoint], max_age_s, accept_simulated=accept_simulated)
         self.reason: str = Reason.NONE.value
-        self._accepted = set(Source) if accept_simulated else {Source.LIVE}
-        self._messages = {can_id(message): message for message in _MESSAGES}
-        self._checks = {message: E2eReceiver(profile(message)) for message in _MESSAGES}
-        self._min_spacing_ns = round(1e9 * MIN_SPACING_CYCLES * profile(CanMessage.SETPOINT).cycle_s)
-        self._heard_ns: dict[tuple[CanMessage, float], int] = {}
         self._points: dict[float, _Point] = {}
 
     @property
     def can_ids(self) -> tuple[int, ...]:
         """Return the identifiers of the frames that are read."""
-        return tuple(self._messages)
+        return tuple(self._checks.messages)
 
     def feed(self, frame_id: int, data: bytes, t_ns: int) -> ReceivedSetpoint | Refusal:
         """Take one frame received at `t_ns`; return the set-point it completes, or why there is none."""
-        message = self._messages.get(frame_id)
+        message = self._checks.messages.get(frame_id)
         if message is None:
             return Refusal.OTHER_MESSAGE
-        check = self._checks[message].check(data, t_ns)
-        if check is E2eCheck.INITIAL:
+        refusal = self._checks.refusal(message, data, t_ns)
+        if refusal is Refusal.INITIAL:
             self._points.clear()
-        if check is not E2eCheck.OK:
-            return Refusal(check.value)
+        if refusal is not None:
+            return refusal
         fields = decode(message, data)
-        which = message, fields.numbers.get("stance_percent", 0.0)
-        last_ns, self._heard_ns[which] = self._heard_ns.get(which), t_ns
-        if last_ns is not None and t_ns - last_ns < self._min_spacing_ns:
+        percent = fields.numbers.get("stance_percent", 0.0)
+        if self._checks.too_soon((message, percent), t_ns):
             return Refusal.TOO_SOON
         if message is CanMessage.SETPOINT:
-            return self._take(fields, {which[1]: POINT_NUMBERS}, t_ns)
+            return self._take(fields, {percent: POINT_NUMBERS}, t_ns)
         if message is CanMessage.SETPOINT_FD:
             refusal = self._take(fields, _OF_FD, t_ns)
             if refusal is not Refusal.FIRST_HALF:
@@ -104,10 +93,10 @@ class SetpointReceiver:
     def _take(self, fields: Fields, points: Mapping[float, tuple[str, ...]], t_ns: int) -> Refusal:
         """Keep the points of a frame, each with the names of its numbers."""
         words, told = fields.words, fields.numbers
-        if words["source"] not in self._accepted or words["status"] != Status.VALID:
+        if words["source"] not in self._checks.accepted or words["status"] != Status.VALID:
             self._points.clear()
-            return Refusal.NOT_LIVE if words["source"] not in self._accepted else Refusal.NOT_VALID
-        if math.isnan(told["age_ms"]) or told["age_ms"] > 1e3 * self._max_age_s:
+            return Refusal.NOT_LIVE if words["source"] not in self._checks.accepted else Refusal.NOT_VALID
+        if math.isnan(told["age_ms"]) or told["age_ms"] > 1e3 * self._checks.max_age_s:
             return Refusal.STALE
         t_exposure_ns = t_ns - round(1e6 * told["age_ms"])
         for percent, names in points.items():
@@ -129,7 +118,7 @@ class SetpointReceiver:
         points = [self._points[percent] for percent in STANCE_PERCENT]
         oldest = min(points, key=lambda point: point.t_exposure_ns)
         age_s = 1e-9 * (t_ns - oldest.t_exposure_ns)
-        if age_s > self._max_age_s:
+        if age_s > self._checks.max_age_s:
             return Refusal.STALE
         return ReceivedSetpoint(
             source=oldest.source,

@@ -5,7 +5,7 @@ Values stand with their 95 % intervals; where the interval holds zero the value 
 stance, wider than a controller can use. The intervals stay, for they are what is known.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from impedance.ankle.impedance import AnkleImpedance, AxisImpedance, Curve
-from impedance.ankle.trial import AnkleTrial, Manoeuvre, Perturbation
+from impedance.ankle.trial import AnkleTrial, Manoeuvre, Perturbation, TrialSettings
 from impedance.recording.plain_files import read_toml, write_toml
 from messages.arrays import BoolArray, FloatArray
 from messages.checked import checked
@@ -84,18 +84,27 @@ class AnkleTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_d
 
 def table_of(trial: AnkleTrial, found: AnkleImpedance) -> AnkleTable:
     """Return the table of what was identified in a trial."""
-    settings, first, second = trial.settings, *(_axis_table(axis, found.stance) for axis in found.axes)
+    axes = [_axis_table(axis, found.stance) for axis in found.axes]
+    table = table_with(axes, found.stance, trial.settings, trial.perturbation)
+    return msgspec.structs.replace(
+        table, wrench_delay_s=found.delay_s, wrench_delay_deviation_s=found.delay_deviation_s
+    )
+
+
+def table_with(
+    axes: Sequence[AxisTable], stance: FloatArray, settings: TrialSettings, perturbation: Sequence[Perturbation]
+) -> AnkleTable:
+    """Return the table of both `axes` at the shares `stance` (k,) of a trial, the `perturbation` of each cycle told."""
+    dorsi_plantarflexion, inversion_eversion = axes
     return AnkleTable(
         manoeuvre=settings.manoeuvre,
         ground_slope_deg=settings.ground_slope_deg,
         subject=settings.subject.code,
         body_mass_kg=settings.subject.mass_kg,
-        perturbed_cycles=sum(kind is not Perturbation.NONE for kind in trial.perturbation),
-        stance_percent=(100.0 * found.stance).round(6).tolist(),
-        dorsi_plantarflexion=first,
-        inversion_eversion=second,
-        wrench_delay_s=found.delay_s,
-        wrench_delay_deviation_s=found.delay_deviation_s,
+        perturbed_cycles=sum(kind is not Perturbation.NONE for kind in perturbation),
+        stance_percent=(100.0 * stance).round(6).tolist(),
+        dorsi_plantarflexion=dorsi_plantarflexion,
+        inversion_eversion=inversion_eversion,
     )
 
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from impedance.ankle.table import AnkleTable, AxisTable
-from impedance.ankle.trial import Perturbation
+from impedance.ankle.table import AnkleTable, AxisTable, table_with
 from messages.arrays import FloatArray
 from sim_rig.platform.ankle import AnkleRun
 from sim_rig.platform.ankle_known import FLAT_FOOT
@@ -14,7 +13,7 @@ def true_table(run: AnkleRun, points: int = 29) -> AnkleTable:
     stance = np.linspace(*FLAT_FOOT, points)
     K, B, across = run.person.stiffness(stance), run.person.damping(stance), run.person.cross_stiffness(stance)
     moment, rest = run.person.usual_moment(stance), true_equilibrium(run, stance)
-    first, second = (
+    axes = [
         AxisTable(
             *(K[:, axis].tolist(),) * 3,
             *(B[:, axis].tolist(),) * 3,
@@ -26,18 +25,8 @@ def true_table(run: AnkleRun, points: int = 29) -> AnkleTable:
             *(across.tolist(),) * 3,
         )
         for axis in range(2)
-    )
-    settings = run.settings
-    return AnkleTable(
-        manoeuvre=settings.manoeuvre,
-        ground_slope_deg=settings.ground_slope_deg,
-        subject=settings.subject.code,
-        body_mass_kg=settings.subject.mass_kg,
-        perturbed_cycles=sum(kind is not Perturbation.NONE for kind in run.perturbation),
-        stance_percent=(100.0 * stance).round(6).tolist(),
-        dorsi_plantarflexion=first,
-        inversion_eversion=second,
-    )
+    ]
+    return table_with(axes, stance, run.settings, run.perturbation)
 
 
 def true_equilibrium(run: AnkleRun, stance: FloatArray) -> FloatArray:
