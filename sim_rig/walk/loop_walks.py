@@ -9,18 +9,21 @@ from typing import Final
 import numpy as np
 
 from sim_rig.walk.gait import Habits
-from sim_rig.walk.legs import Leg, Stand, Walk
 from sim_rig.walk.scenario import Pace, Scenario
-from sim_rig.walk.terrain_walks import GROUNDS, RISERS, STANDING_S, passes_s, steps_on_every_tread
+from sim_rig.walk.terrain_walks import (
+    GROUNDS,
+    RISERS,
+    RUN_UP_GRID_M,
+    RUN_UPS,
+    close_lap,
+    legs_over_flight,
+    passes_s,
+    steps_on_every_tread,
+)
 from sim_rig.walk.world import World, WorldBuilder
 
 BEYOND_M: Final = 2.0
 """Walked beyond the stairs."""
-
-_CLEAR_M = 6.5
-_CLOSING_DEG = 10.0
-_PACE_CHANGE_S = 1.0
-_RUN_UP_GRID_M, _RUN_UPS = 0.03, 24
 
 
 @dataclass(frozen=True)
@@ -39,22 +42,13 @@ def loop_walk(seed: int) -> LoopWalk:
     speed_mps = float(chance.uniform(0.8, 1.4))
     pace = Pace(speed_mps, float((0.95 + 0.7 * speed_mps) * chance.uniform(0.96, 1.04)))
     drawn = _Drawn(chance)
-    for attempt in range(_RUN_UPS):
-        world, marks_m = drawn.world(attempt * _RUN_UP_GRID_M)
-        stairs_mps = drawn.tread_m * drawn.stairs_hz
-        slowing_m = 0.5 * _PACE_CHANGE_S * (pace.speed_mps + stairs_mps) + 0.35
-        legs: tuple[Leg, ...] = (
-            Stand(STANDING_S),
-            pace.to(marks_m[2] - slowing_m),
-            Walk(marks_m[3] + 0.25, stairs_mps, drawn.stairs_hz),
-            pace.to(world.length_m),
-            Stand(0.5),
-        )
+    for attempt in range(RUN_UPS):
+        world, marks_m = drawn.world(attempt * RUN_UP_GRID_M)
         scenario = Scenario(
             name=f"loop-{seed}",
             description=f"level, a ramp up and one down, stairs up, drawn by seed {seed}",
             world=world,
-            legs=legs,
+            legs=legs_over_flight(marks_m[2], marks_m[3], world.length_m, pace, drawn.tread_m, drawn.stairs_hz),
             hip_height_m=drawn.camera_m,
             habits=Habits(step_scatter_s=0.015),
             contrast=drawn.contrast,
@@ -88,7 +82,5 @@ class _Drawn:
         marks_m.append(ground.x_m)
         ground.stairs(self._count, self._rise_m, self.tread_m, self._riser, tread)
         marks_m.append(ground.x_m)
-        ground.level(_CLEAR_M, plain)
-        closing_deg = -float(np.copysign(_CLOSING_DEG, ground.z_m))
-        ground.ramp(abs(ground.z_m) / float(np.tan(np.radians(_CLOSING_DEG))), closing_deg, plain)
-        return ground.level(_CLEAR_M, plain).build(), marks_m
+        close_lap(ground, plain)
+        return ground.build(), marks_m

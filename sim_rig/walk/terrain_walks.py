@@ -46,7 +46,7 @@ RISERS = ("kerbstone", "wood", "concrete")
 _MOST_COURSE_RAD = math.radians(35.0)
 _USUAL = Habits(step_scatter_s=0.015)
 _FOOT_FROM_LIP_M = 0.05
-_RUN_UP_GRID_M, _RUN_UPS = 0.03, 24
+RUN_UP_GRID_M, RUN_UPS = 0.03, 24
 
 
 @dataclass(frozen=True)
@@ -100,8 +100,8 @@ def terrain_walk(seed: int) -> TerrainWalk:
         )
         world, _ = _world(change, run_up_m, plain, lights)
         return TerrainWalk(case, seed, LEAST_S, change.dimensions, replace(scenario, world=world))
-    for attempt in range(_RUN_UPS):
-        at_m = run_up_m + attempt * _RUN_UP_GRID_M
+    for attempt in range(RUN_UPS):
+        at_m = run_up_m + attempt * RUN_UP_GRID_M
         world, end_m = _world(change, at_m, plain, lights)
         legs = _legs(change, at_m, end_m, world.length_m, pace, stairs_hz, course_rad)
         walk = replace(scenario, world=world, legs=legs)
@@ -131,16 +131,22 @@ def _world(change: _Change, run_up_m: float, plain: str, lights: "_Lights") -> t
     """Return the world with the change after `run_up_m`, and where the change ends."""
     ground = WorldBuilder().level(run_up_m, plain)
     change.lay(ground)
-    end_m, height_m = ground.x_m, ground.z_m
-    ground.level(_CLEAR_M, plain)
-    if height_m:
-        ground.ramp(abs(height_m) / math.tan(math.radians(_CLOSING_DEG)), -math.copysign(_CLOSING_DEG, height_m), plain)
-    ground.level(_CLEAR_M, plain)
+    end_m = ground.x_m
+    close_lap(ground, plain)
     if change.relief is not None:
         return ground.build(change.relief, lights.shades((run_up_m,))), end_m
     laid = ground.build()
     edges = sorted({piece.lip_x_m for piece in laid.lap if run_up_m - 0.1 < piece.lip_x_m < end_m + 0.1})
     return ground.build(shades=lights.shades(edges or (run_up_m,))), end_m
+
+
+def close_lap(ground: WorldBuilder, plain: str) -> None:
+    """Lay level ground behind a change, and far behind it the ramp that brings the lap back to its height."""
+    height_m = ground.z_m
+    ground.level(_CLEAR_M, plain)
+    if height_m:
+        ground.ramp(abs(height_m) / math.tan(math.radians(_CLOSING_DEG)), -math.copysign(_CLOSING_DEG, height_m), plain)
+    ground.level(_CLEAR_M, plain)
 
 
 def _legs(
@@ -152,17 +158,24 @@ def _legs(
     stairs_hz: float,
     course_rad: float,
 ) -> tuple[Leg, ...]:
-    """Return the legs: on a flight one tread a step."""
+    """Return the legs."""
     along = 1.0 / math.cos(course_rad)
     if not change.tread_m:
         return (Stand(STANDING_S), pace.to(lap_m * along), Stand(0.5))
-    stairs_mps = change.tread_m * along * stairs_hz
+    return legs_over_flight(at_m * along, end_m * along, lap_m * along, pace, change.tread_m * along, stairs_hz)
+
+
+def legs_over_flight(
+    from_m: float, to_m: float, lap_m: float, pace: Pace, tread_m: float, stairs_hz: float
+) -> tuple[Leg, ...]:
+    """Return the legs of a walk whose way leads over stairs `from_m` `to_m`: there one tread a step."""
+    stairs_mps = tread_m * stairs_hz
     slowing_m = 0.5 * _PACE_CHANGE_S * (pace.speed_mps + stairs_mps) + 0.35
     return (
         Stand(STANDING_S),
-        pace.to(at_m * along - slowing_m),
-        Walk(end_m * along + 0.25, stairs_mps, stairs_hz),
-        pace.to(lap_m * along),
+        pace.to(from_m - slowing_m),
+        Walk(to_m + 0.25, stairs_mps, stairs_hz),
+        pace.to(lap_m),
         Stand(0.5),
     )
 
