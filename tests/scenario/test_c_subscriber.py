@@ -96,6 +96,14 @@ def logged(t_ns: int, frame: CanFrame) -> str:
     return f"({seconds}.{rest_ns // US_NS:06d}) can0 {frame.can_id:X}#{flags}{frame.data.hex().upper()}\n"
 
 
+def said(subscriber: Path, heard: list[tuple[int, CanFrame]], *options: str) -> list[str]:
+    """Return what the subscriber in C says of the frames."""
+    log = "".join(logged(*each) for each in heard)
+    done = subprocess.run([subscriber, "-", *options], input=log, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout.splitlines()
+
+
 def told(receiver: CanReceiver[ReceivedGround], t_ns: int, frame: CanFrame) -> str | None:
     found = receiver.feed(frame.can_id, frame.data, t_ns)
     if isinstance(found, Refusal):
@@ -110,12 +118,9 @@ def told(receiver: CanReceiver[ReceivedGround], t_ns: int, frame: CanFrame) -> s
 @pytest.mark.parametrize("options", [(), ("--accept-simulated",)])
 def test_it_says_of_each_frame_what_the_python_receiver_says(subscriber: Path, options: tuple[str, ...]) -> None:
     heard = stream(random.Random(1), 1500)
-    log = "".join(logged(*each) for each in heard)
     receiver = CanReceiver(ReceivedGround, max_age_s=0.1, accept_simulated=bool(options))
     expected = [line for each in heard if (line := told(receiver, *each)) is not None]
-    done = subprocess.run([subscriber, "-", *options], input=log, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines() == expected
+    assert said(subscriber, heard, *options) == expected
     seen = {line.split()[1] for line in expected if line.startswith("refused")}
     protection = {"wrong_crc", "wrong_length", "wrong_sequence", "initial", "repeated", "too_soon", "frame_mismatch"}
     always = protection | {"not_valid", "stale"}
@@ -174,12 +179,9 @@ def test_it_says_of_each_set_point_what_the_python_receiver_says(
     subscriber: Path, options: tuple[str, ...], fd: bool
 ) -> None:
     heard = updates(random.Random(2), 1200, fd=fd)
-    log = "".join(logged(*each) for each in heard)
     receiver = SetpointReceiver(accept_simulated=bool(options))
     expected = [line for each in heard if (line := told_setpoint(receiver, *each)) is not None]
-    done = subprocess.run([subscriber, "-", *options], input=log, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines() == expected
+    assert said(subscriber, heard, *options) == expected
     seen = {line.split()[2] for line in expected if line.startswith("refused")}
     always = {"wrong_crc", "wrong_length", "initial", "repeated", "too_soon", "not_valid", "stale"}
     assert seen >= (always if options else always | {"not_live"})
@@ -215,12 +217,7 @@ def test_it_says_of_a_running_service_what_the_python_receivers_say(subscriber: 
     setpoints = SetpointReceiver(accept_simulated=True)
     both = [line for each in heard for line in (told(ground, *each), told_setpoint(setpoints, *each))]
     expected = [line for line in both if line is not None]
-    log = "".join(logged(*each) for each in heard)
-    done = subprocess.run(
-        [subscriber, "-", "--accept-simulated"], input=log, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines() == expected
+    assert said(subscriber, heard, "--accept-simulated") == expected
     assert sum(frame.can_id == can_id(CanMessage.SETPOINT) for _, frame in heard) > 100
     assert not any("wrong_crc" in line or "wrong_length" in line for line in expected)
 
