@@ -203,11 +203,11 @@ class AttitudeTrack:
         have confirmed each other."""
         now, trial = self._filter.save(), self._trial
         if trial is not None and trial.t_ns is not None and trial.t_ns > self._recent[0].t_ns:
-            if step.t_before_ns < trial.t_ns - _OVERLAP_NS:
+            begun = trial.q_WB_beginning is not None
+            if step.t_before_ns < trial.t_ns - begun * _OVERLAP_NS:
                 return
-            later = step.t_before_ns > trial.t_ns + _OVERLAP_NS
-            moves = now.ground.moves
-            if (not later or trial.q_WB_beginning is None) and self._agrees(trial, step, later=later, moves=moves):
+            one_piece = not begun or step.t_before_ns <= trial.t_ns + _OVERLAP_NS
+            if one_piece and self._agrees(trial, step, begun=begun, moves=now.ground.moves):
                 self._trial = self._filter.save()
                 if not self._confirmation.is_complete:
                     self._filter.restore(now)
@@ -227,11 +227,12 @@ class AttitudeTrack:
             self._filter.restore(now)
             self._confirmation.begin()
 
-    def _agrees(self, trial: AttitudeState, step: CameraStep, *, later: bool, moves: bool) -> bool:
-        """Go on from `trial` to the end of a step, `later` than which it begins; return whether that was accepted and
-        usual. A ground that seems to move, and did not, may be an accelerometer that has become wrong meanwhile."""
+    def _agrees(self, trial: AttitudeState, step: CameraStep, *, begun: bool, moves: bool) -> bool:
+        """Go on from `trial`, in which the step has `begun` or begins later, to the end of the step; return whether
+        that was accepted and usual. A ground that seems to move, and did not, may be an accelerometer that has become
+        wrong meanwhile."""
         self._filter.restore(trial)
-        if later:
+        if not begun:
             self._advance(step.t_before_ns, remembered=False)
             self._filter.begin_camera_step()
         self._advance(step.t_after_ns, remembered=False)

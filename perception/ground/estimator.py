@@ -117,6 +117,8 @@ class GroundEstimator:
                 t_ns, measured, measured.fit, expected, searched.bounds, ask, measure
             )
             may_begin = may_begin and tells
+        if measured.fit is None:
+            self._tracker.miss()
         reason = measured.reason if expected is not None else self._search.ended(measured.reason)
         if measured.fit is None and self._repetition.repeats(t_ns):
             return self._invalid(frame, reason, measured.matched_share)

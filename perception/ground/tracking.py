@@ -31,7 +31,8 @@ class TrackingSettings:
     attitude_jitter_rad: float = 0.003  # attitude error that changes from frame to frame
     gate: float = 16.3  # 0.1 % of frames on the track would exceed it
     longest_gap_s: float = 0.5
-    confirmed_within_s: float = 0.12
+    confirmed_within_s: float = 0.3
+    most_between: int = 1  # frames that show no plane, from the one that begins a track to the one that confirms it
     believable_share: float = 0.6  # of the region, matched, where a frame contradicts the track
 
 
@@ -59,6 +60,7 @@ class PlaneTracker:
         self._settings = settings
         self._track: _Track | None = None
         self._candidate: _Track | None = None
+        self._between = 0
 
     def begin(self, t_ns: int, plane: Plane, cov: FloatArray, R_WH: FloatArray, attitude_cov_W: FloatArray) -> None:
         """Go on from another `plane` in H, of which (a, b, h) has the covariance `cov` (3, 3): known from elsewhere, so
@@ -84,6 +86,12 @@ class PlaneTracker:
         self._track = _Track(t_ns, state, track.cov + grown, attitude_cov_W, track.seen_ns)
         turn = _turn(R_WH)
         return _plane(turn.T @ state), turn.T @ self._track.cov @ turn
+
+    def miss(self) -> None:
+        """Take a frame that shows no plane."""
+        self._between += 1
+        if self._between > self._settings.most_between:
+            self._candidate = None
 
     def forget(self) -> None:
         """Follow no plane any more."""
@@ -123,7 +131,7 @@ class PlaneTracker:
         if track is None:
             candidate = self._joined(self._candidate, seen, self._settings.confirmed_within_s)
             believable = may_begin and matched_share >= self._settings.believable_share
-            self._candidate = seen if believable else None
+            self._candidate, self._between = seen if believable else None, 0
             track = candidate if believable else None
         if track is None:
             return None

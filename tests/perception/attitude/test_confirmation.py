@@ -85,6 +85,25 @@ def test_a_gyroscope_that_jumps_in_the_dark_is_not_believed_and_soon_found(jumps
     assert BACK_S + 1.0 < confirmed_s[0] < BACK_S + 2.0
 
 
+def test_steps_that_are_told_at_once_confirm_each_other_too() -> None:
+    wearer = SimulatedWearer(65, scenario("level"), START_NS)
+    track = AttitudeTrack(wearer.calibration)
+    steps_seen = [
+        told.step
+        for told in told_steps(wearer, END_S, NOISE, 65)
+        if not LOST_S <= 1e-9 * (told.step.t_after_ns - START_NS) < BACK_S
+    ]
+    confirmed_s = []
+    for sample in wearer.offline_samples(END_S):
+        since_s = 1e-9 * (sample.t_sample_ns - START_NS)
+        track.add_sample(sample)
+        while steps_seen and steps_seen[0].t_after_ns <= sample.t_sample_ns:  # within 10 ms
+            track.add_camera_step(steps_seen.pop(0))
+        if since_s > LOST_S + 0.6 and track.is_confirmed:
+            confirmed_s.append(since_s)
+    assert BACK_S + 1.0 < confirmed_s[0] < BACK_S + 2.0
+
+
 def jumped_by(sample: ImuSample) -> ImuSample:
     """Return the sample of a gyroscope whose bias has jumped by 5 °/s."""
     return ImuSample(

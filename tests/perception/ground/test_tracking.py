@@ -100,10 +100,21 @@ def test_a_contradiction_is_confirmed_only_by_the_next_frame_and_where_most_matc
     tracker = on_level_ground(20)
     edge = seen(0.0, 0.0, 0.78)
     assert told(tracker, 20 * FRAME_NS, edge) is None
+    tracker.miss()
+    tracker.miss()
     assert told(tracker, 23 * FRAME_NS, edge) is None
     assert told(tracker, 24 * FRAME_NS, edge, matched_share=0.5) is None
     assert told(tracker, 25 * FRAME_NS, edge) is None
     assert told(tracker, 26 * FRAME_NS, edge) is not None
+
+
+@pytest.mark.parametrize(("gap_frames", "confirmed"), [(5, True), (7, False)])
+def test_where_frames_are_few_the_next_one_confirms_too(gap_frames: int, confirmed: bool) -> None:
+    tracker = on_level_ground(20)
+    edge = seen(0.0, 0.0, 0.78)
+    assert told(tracker, 20 * FRAME_NS, edge) is None
+    tracker.miss()
+    assert (told(tracker, (20 + gap_frames) * FRAME_NS, edge) is not None) == confirmed
 
 
 def test_a_track_is_forgotten_after_a_gap() -> None:
