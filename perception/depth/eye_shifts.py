@@ -87,7 +87,8 @@ def find_shifts(
         return None
     left_eye, right_eye = rectifier.rectify_apart(*cast("tuple[GreyImage, GreyImage]", images), tiles, (low, high))
     # Column j of `right_eye` is column tiles.left − high + j of the right picture.
-    there = cv2.resize((u - tiles.left + high - disparity).astype(np.float32), left_eye.shape[::-1])
+    columns = np.arange(left_eye.shape[1], dtype=np.float32) + np.float32(high)
+    there = columns - cv2.resize(disparity.astype(np.float32), left_eye.shape[::-1])
     same_row = np.repeat(np.arange(there.shape[0], dtype=np.float32)[:, None], there.shape[1], axis=1)
     laid = cast("GreyImage", cv2.remap(right_eye, there, same_row, cv2.INTER_LINEAR))
     y_px, y_var_px2, unlike = _vertical(left_eye, laid)

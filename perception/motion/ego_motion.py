@@ -55,10 +55,10 @@ class VisualOdometer:
     `skew` is how the eyes' rows differ in the newest pair; `jumps` tell whether all distances have jumped.
     """
 
-    longest_step_s = 0.125  # one frame of 20 Hz may be missing: later, a walker's corners have moved too far
-    longest_slow_step_s = 0.3  # where the IMU foretells that they have not
-    most_travel_m = 0.15
-    most_turn_rad = 0.15
+    longest_step_s = 0.125  # one frame of 20 Hz may be missing: later, nobody knows where to look for a corner
+    longest_foretold_step_s = 0.3  # but the IMU, while what is seen is still much the same
+    most_travel_m = 0.32
+    most_turn_rad = 0.3
     least_tracks = 12  # for six unknowns, of which some are wrong
     # What all corners share: blur that changes, rounding to pixels, the ground that a window sees come nearer.
     common_radps = 0.0012
@@ -115,10 +115,10 @@ class VisualOdometer:
             self._unprepared = None
 
     def _can_follow(self, step_s: float, inner: InnerMotion | None) -> bool:
-        """Return whether corners are still near where they were `step_s` ago."""
+        """Return whether corners of `step_s` ago can be found again."""
         if 0.0 < step_s < self.longest_step_s:
             return True
-        if not 0.0 < step_s < self.longest_slow_step_s or inner is None or inner.foretold is None:
+        if not 0.0 < step_s < self.longest_foretold_step_s or inner is None or inner.foretold is None:
             return False
         R, p_m = inner.at(np.array([step_s]))
         return bool(np.linalg.norm(p_m[0]) < self.most_travel_m and np.linalg.norm(so3.log(R[0])) < self.most_turn_rad)

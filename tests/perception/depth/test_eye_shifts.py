@@ -1,5 +1,7 @@
 """Shifts planted in one eye of an exact pair are found again, tile by tile; a sound pair has none."""
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 import pytest
@@ -40,21 +42,32 @@ def texture(u: FloatArray, v: FloatArray) -> FloatArray:
     return shown
 
 
+def slanted_joints(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Return thin bright lines that lean, as joints between bricks that lead away to one side, and little else."""
+    across = np.mod(u + 0.35 * v, 26.0) - 13.0
+    shown: FloatArray = 90.0 + 80.0 * np.exp(-((across / 2.0) ** 2)) + 0.15 * (texture(u, v) - 120.0)
+    return shown
+
+
 def disparity(off_plane_px: FloatArray | float = 0.0) -> FloatArray:
     v, u = np.mgrid[:HEIGHT_PX, :WIDTH_PX]
     shown: FloatArray = (u - 319.5) / F_PX * THETA_C[0] + (v - 179.5) / F_PX * THETA_C[1] + THETA_C[2] + off_plane_px
     return shown
 
 
-def pair(down_px: FloatArray | float = 0.0, gain: float = 1.0) -> tuple[GreyImage, GreyImage]:
-    """Return both eyes; in the right one all is `down_px` lower, and `gain` times as bright."""
+def pair(
+    down_px: FloatArray | float = 0.0,
+    gain: float = 1.0,
+    ground: Callable[[FloatArray, FloatArray], FloatArray] = texture,
+) -> tuple[GreyImage, GreyImage]:
+    """Return both eyes, before a `ground`; in the right one all is `down_px` lower, and `gain` times as bright."""
     v, u = np.mgrid[:HEIGHT_PX, :WIDTH_PX].astype(np.float64)
     noise = np.random.default_rng(4).normal(0.0, 1.0, (2, HEIGHT_PX, WIDTH_PX))
     # at (u − d, v) the right eye shows what the left one does at (u, v); d grows with u by less than 1 %
     left_u = u
     for _ in range(4):
         left_u = u + THETA_C[2] + (left_u - 319.5) / F_PX * THETA_C[0] + (v - 179.5) / F_PX * THETA_C[1]
-    eyes = texture(u, v) + noise[0], gain * texture(left_u, v - down_px) + noise[1]
+    eyes = ground(u, v) + noise[0], gain * ground(left_u, v - down_px) + noise[1]
     left, right = (np.clip(np.rint(eye), 0, 255).astype(np.uint8) for eye in eyes)
     return left, right
 
@@ -72,6 +85,13 @@ def test_a_sound_pair_is_not_shifted_whatever_the_gain_of_its_eyes(gain: float) 
     assert shifts.whole.mean() > 0.95
     assert np.abs(shifts.y_px[shifts.whole]).max() < 0.12
     assert np.abs(shifts.y_px[shifts.whole].mean()) < 0.01
+
+
+def test_lines_that_lean_are_not_shifted_at_the_sides_of_the_window_either() -> None:
+    shifts = found(pair(ground=slanted_joints))
+    ratio = np.abs(shifts.y_px / np.hypot(0.02, np.sqrt(shifts.y_var_px2)))
+    assert shifts.whole[:, [0, -1]].all()
+    assert ratio[:, [0, -1]].max() < 4.0
 
 
 @pytest.mark.parametrize("down_px", [0.15, -0.4, 0.8])

@@ -136,18 +136,21 @@ def test_one_recording_gives_one_result(wearer: SimulatedWearer, frames: list[St
     assert first.covariance.tobytes() == second.covariance.tobytes()
 
 
-def test_over_a_gap_a_camera_that_hardly_moves_is_followed() -> None:
-    wearer = SimulatedWearer(21, scenario("standing"), START_NS, perfect_calibration=True)
-    told = motions(wearer, [frame for frame, _ in wearer.frames(11, first=WALKING)][::5])
+def test_where_the_imu_tells_where_to_look_a_walk_is_followed_over_a_fifth_of_a_second(
+    wearer: SimulatedWearer, frames: list[StereoFrame]
+) -> None:
+    told = motions(wearer, frames[::4])
     assert None not in told[1:]
-    assert column_rms(errors(wearer, told))[3:].max() < 0.012
+    rms = column_rms(errors(wearer, told))
+    assert rms[:3].max() < np.radians(0.6)
+    assert rms[3:].max() < 0.012
 
 
-def test_a_gap_begins_anew(wearer: SimulatedWearer, frames: list[StereoFrame]) -> None:
-    told = motions(wearer, [*frames[:5], *frames[8:]])
-    assert told[4] is not None
-    assert told[5] is None
-    assert None not in told[6:]
+def test_a_long_gap_begins_anew(wearer: SimulatedWearer, frames: list[StereoFrame]) -> None:
+    told = motions(wearer, [*frames[:3], *frames[9:]])
+    assert told[2] is not None
+    assert told[3] is None
+    assert None not in told[4:]
 
 
 def test_pictures_without_texture_or_with_exchanged_eyes_tell_nothing(
