@@ -125,6 +125,23 @@ def test_what_is_told_in_stance_does_not_change_that_stance() -> None:
     np.testing.assert_allclose(follower.curve.points, UPHILL.points)
 
 
+def test_an_older_set_point_does_not_take_the_place_of_a_newer_one() -> None:
+    follower = Follower(LIMITS, 0)
+    t_ns = walked(follower, 0, SWING, 0.4, UPHILL.points)
+    follower.take(LEVEL.points, t_ns - 110_000_000)
+    walked(follower, t_ns, SWING, 0.03)
+    np.testing.assert_allclose(follower.curve.points, UPHILL.points)
+
+
+def test_who_stands_for_long_stands_as_on_level_ground() -> None:
+    follower = Follower(LIMITS, 0)
+    t_ns = walked(follower, 0, SWING, 0.4, UPHILL.points)
+    t_ns = walked(follower, t_ns, STANCE, LONGEST_STANCE_S)
+    assert state_of(follower) is Trust.HOLD
+    walked(follower, t_ns, STANCE, 0.02)
+    assert state_of(follower) is Trust.LEVEL
+
+
 @pytest.mark.parametrize("age_ms", [151, 200, 10_000])
 def test_an_old_set_point_is_not_acted_upon(age_ms: int) -> None:
     follower = Follower(LIMITS, 0)

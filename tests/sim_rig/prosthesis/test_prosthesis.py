@@ -21,17 +21,20 @@ WORLD = WorldBuilder().level(1.5, "wood").ramp(2.5, 7.0, "wood").level(1.5, "woo
 WALK = Scenario("hill", "a short hill", WORLD, (Stand(0.5), Pace(1.2, 1.8).to(WORLD.length_m), Stand(0.5)))
 
 
-class LevelControls:
-    """The same impedance whatever the ground."""
+class SameControls:
+    """The same impedance whatever the ground, `stiffness` in Nm/rad per kg."""
+
+    def __init__(self, stiffness: float) -> None:
+        self._impedance = Impedance(0.0, stiffness * MASS_KG, 0.05 * MASS_KG)
 
     def impedance(self, _t_ns: int, _phase: GaitPhase, _share: float) -> Impedance:
-        return Impedance(0.0, 4.0 * MASS_KG, 0.05 * MASS_KG)
+        return self._impedance
 
 
-def worn(walk: Scenario = WALK, side: Side = Side.RIGHT, seed: int = 3) -> VirtualProsthesis:
+def worn(walk: Scenario = WALK, side: Side = Side.RIGHT, seed: int = 3, stiffness: float = 4.0) -> VirtualProsthesis:
     gait = walk.gait(seed, START_NS)
     footholds = Footholds(walk.world, gait, seed)
-    return VirtualProsthesis(walk, gait, footholds, LevelControls(), side=side, mass_kg=MASS_KG, seed=seed)
+    return VirtualProsthesis(walk, gait, footholds, SameControls(stiffness), side=side, mass_kg=MASS_KG, seed=seed)
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +70,15 @@ def test_it_bears_the_wearer_and_never_hits_the_ground_in_mid_swing(
     assert not any(stance.saturated for stance in prosthesis.stances)
     pushed = min(torque for phase, _, torque in felt if phase is GaitPhase.STANCE)
     assert -MOST_NM_PER_KG * MASS_KG < pushed < -0.8 * MASS_KG
+
+
+def test_its_motor_gives_no_more_than_it_can_and_says_so() -> None:
+    prosthesis, torques = worn(stiffness=40.0), []
+    for t_ns in range(START_NS, START_NS + 3_000_000_000, 5_000_000):
+        prosthesis.advance_to(t_ns)
+        torques.append(abs(prosthesis.torque_nm))
+    assert 0.9 * MOST_NM_PER_KG * MASS_KG < max(torques) <= MOST_NM_PER_KG * MASS_KG
+    assert any(stance.saturated for stance in prosthesis.stances)
 
 
 def test_the_way_time_is_cut_up_changes_nothing() -> None:
