@@ -24,7 +24,9 @@ class JumpSettings:
     """What counts as a jump, in pixels of the picture whose corners are followed.
 
     Corners off (1) by more than `usual_px` count the less, and `least_share` of them are off by less than
-    `agreeing_px`. The jump is at least `least_px` somewhere between them.
+    `agreeing_px`. The jump is at least `least_px` somewhere between them. Eyes that slip still show the same corners:
+    the first jump is shown by `first_share` of as many as usual, fewer may be chance matches of pictures that do not
+    belong together.
     """
 
     least_px: float = 0.4
@@ -33,6 +35,8 @@ class JumpSettings:
     least_corners: int = 12
     usual_px: float = 0.1
     rounds: int = 4
+    first_share: float = 0.4
+    usual_kept: float = 0.9  # of how many are usual, from one picture without a jump to the next
 
 
 class DistanceJumps:
@@ -44,6 +48,7 @@ class DistanceJumps:
     def __init__(self, settings: JumpSettings | None = None) -> None:
         self._settings = settings or JumpSettings()
         self._sum: FloatArray = np.zeros(3)
+        self._usual_corners = 0.0
         self.contradict = False
         self.newest_px = math.nan
 
@@ -59,7 +64,10 @@ class DistanceJumps:
         if not agreed:
             return
         self.newest_px = _largest_px(jump, places_px)
-        if self.newest_px > settings.least_px:
+        if self.newest_px <= settings.least_px:
+            kept = settings.usual_kept if self._usual_corners else 0.0
+            self._usual_corners = kept * self._usual_corners + (1.0 - kept) * len(off_px)
+        elif self.contradict or len(off_px) >= settings.first_share * self._usual_corners:
             self._sum = self._sum + jump
             self.contradict = _largest_px(self._sum, places_px) > settings.least_px
             if not self.contradict:

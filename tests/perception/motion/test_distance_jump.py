@@ -83,6 +83,18 @@ def test_little_that_adds_up_is_no_jump_and_neither_is_what_few_corners_say() ->
     assert not jumps.contradict
 
 
+def test_what_a_few_of_many_corners_say_begins_nothing_and_where_few_are_usual_it_does() -> None:
+    jumps = DistanceJumps()
+    for _ in range(10):
+        jumps.add(corners(80), off(80, 0.0))
+    jumps.add(corners(20), off(20, 2.0))
+    assert not jumps.contradict
+    for _ in range(40):
+        jumps.add(corners(25), off(25, 0.0))
+    jumps.add(corners(20), off(20, 2.0))
+    assert jumps.contradict
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     "change",
