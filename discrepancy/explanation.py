@@ -51,7 +51,9 @@ class Evidence:
 
     `chi2` is by how much it lowers χ² (whitened by the estimated noise), of which `threshold` is what chance reaches;
     `chance` is the probability that the best of all candidates does as well on data of the base model. `refitted` tells
-    a nonlinear fit from a linear score. `parameters` are its best values.
+    a nonlinear fit from a linear score. `parameters` are its best values, where it was fitted or begun, `units`
+    those of all of the choice. `left` is the χ² that it leaves alone; without a refit that is an estimate from the
+    linear score.
     """
 
     effect: str
@@ -62,6 +64,19 @@ class Evidence:
     refitted: bool
     status: Status
     parameters: dict[str, float]
+    units: tuple[str, ...]
+    left: float
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """χ² of the fitted recording under the noise that the search settled on: of the base model and of the extended one;
+    `count` whitened samples are in it, which is the χ² of noise alone.
+    """
+
+    before: float
+    after: float
+    count: int
 
 
 @dataclass(frozen=True)
@@ -92,7 +107,7 @@ class Explanation:
 
     `values_before` and `values_after` hold every parameter, as `Simulation.predicted` takes them; `quantities_after`
     those of the causes by `effect.parameter`. `causes` are the library's entries of the verdict's causes and `rivals`
-    those of their equivalents, by name. `evidence` is of all candidates, strongest first.
+    those of their equivalents, by name. `evidence` is of all candidates, strongest first, beside the `misfit`.
     `held_out_is_own` is False where the last part of the fit recording was held out.
     """
 
@@ -101,6 +116,7 @@ class Explanation:
     held_out: View
     held_out_is_own: bool
     evidence: tuple[Evidence, ...]
+    misfit: Misfit
     before: Adequacy
     after: Adequacy
     values_before: dict[str, float]

@@ -4,12 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 
+import numpy as np
+
 from discrepancy.construct.formula import told
 from discrepancy.construct.terms import MadeTerm
 from discrepancy.evidence.gain import told as told_gain
 from discrepancy.evidence.signature import nothing_left, signature
 from discrepancy.evidence.whitening import whitening
-from discrepancy.explanation import Evidence, Explanation, Status
+from discrepancy.explanation import Evidence, Explanation, Misfit, Status
 from discrepancy.judgement import Judgement, Models, Recordings
 from discrepancy.problem import Problem
 from discrepancy.search.fit import Fit, Intervals
@@ -57,7 +59,8 @@ class Findings:
             fit=judgement.fit,
             held_out=judgement.held_out,
             held_out_is_own=self.recordings.held_out_is_own,
-            evidence=_evidence(self.found, causes),
+            evidence=_evidence(problem, self.found, causes),
+            misfit=_misfit(self.found, models),
             before=judgement.before,
             after=judgement.after,
             values_before=dict(problem.completed(models.base.values)),
@@ -176,10 +179,16 @@ def _quantities(problem: Problem, fit: Fit, found: Intervals, keys: Sequence[str
     return out
 
 
-def _evidence(found: Found, causes: Sequence[Cause]) -> tuple[Evidence, ...]:
+def _misfit(found: Found, models: Models) -> Misfit:
+    before, after = (float(np.sum(found.white(each.residual) ** 2)) for each in (found.base, models.extended))
+    return Misfit(before, after, found.white.count)
+
+
+def _evidence(problem: Problem, found: Found, causes: Sequence[Cause]) -> tuple[Evidence, ...]:
     names = [cause.name for cause in causes]
     same = {name for cause in causes for name in cause.equivalents}
     least = threshold(found.chance)
+    base = float(np.sum(found.white(found.base.residual) ** 2))
     out = []
     for single in found.singles:
         each = single.candidate
@@ -198,6 +207,8 @@ def _evidence(found: Found, causes: Sequence[Cause]) -> tuple[Evidence, ...]:
                 parameters={
                     name: values[key] for name, key in zip(each.choice, each.keys, strict=True) if key in values
                 },
+                units=tuple(problem.parameters[key].unit for key in each.keys),
+                left=single.left(found.white, base),
             )
         )
     return tuple(out)

@@ -17,6 +17,11 @@ _RULE = "#d5d9dc"
 WIDTH_IN = 4.2
 """At 72 points an inch and 380 pixels of a page 420 wide, letters of nine points are eleven pixels high."""
 
+_FEW_DECADES = 200.0
+"""Times the lowest number of a logarithmic scale that the highest is, below which its decades alone say too little."""
+_WRITTEN_OUT = (1e-3, 1e4)
+"""Numbers that are written out; others have an exponent."""
+
 _SETTINGS: dict[str, Any] = {  # too many keys to be typed
     "svg.fonttype": "none",
     "font.size": 9.0,
@@ -51,7 +56,7 @@ def drawing(title: str, draw: "Callable[[Axes], object]", height_in: float = 1.9
         figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
         axes = figure.subplots()
         draw(axes)
-        _plain_decades(axes)
+        _plain_numbers(axes)
         drawn = io.StringIO()
         figure.savefig(drawn, format="svg", metadata={"Date": None, "Creator": None, "Title": title}, transparent=True)
     text = drawn.getvalue()
@@ -59,14 +64,26 @@ def drawing(title: str, draw: "Callable[[Axes], object]", height_in: float = 1.9
     return re.sub(r' d="[^"]*"', _coarser, text)
 
 
-def _plain_decades(axes: "Axes") -> None:
-    """Write the numbers of logarithmic scales as 1e-03: small raised exponents cannot be read on a telephone."""
-    from matplotlib.ticker import LogFormatter
+def _plain_numbers(axes: "Axes") -> None:
+    """Write the numbers of logarithmic scales as 0.2 or 1e-05, as small raised exponents cannot be read on a telephone,
+    and those of linear ones whole, not as what is to be added to a number in the corner. A logarithmic scale of few
+    decades, as of a short recording, has 1, 2 and 5 of each.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, ScalarFormatter
 
     for axis, scale in ((axes.xaxis, axes.get_xscale()), (axes.yaxis, axes.get_yscale())):
         if scale == "log":
-            axis.set_major_formatter(LogFormatter())
-            axis.set_minor_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(1.0, 0.4)))
+            low, high = axis.get_view_interval()
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < _FEW_DECADES * low else (1.0,)))
+            axis.set_major_formatter(FuncFormatter(_plain_number))
+            axis.set_minor_formatter(NullFormatter())
+        elif scale == "linear" and isinstance(axis.get_major_formatter(), ScalarFormatter):
+            axis.set_major_formatter(ScalarFormatter(useOffset=False))
+
+
+def _plain_number(value: float, _place: int | None = None) -> str:
+    low, high = _WRITTEN_OUT
+    return (f"{value:g}" if low <= value < high else f"{value:.0e}").replace("-", "\N{MINUS SIGN}")
 
 
 def _coarser(path: "re.Match[str]") -> str:

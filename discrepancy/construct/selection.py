@@ -139,7 +139,7 @@ class Selection:
         cause = next(each for each in here.library.candidates if each.effect == made.effect.name)
         draws = self._chance(here, base)
         rated = replace(base, chi2=_chi2(here.white, base))
-        singles = (Single(cause, rated.chi2 - _chi2(here.white, fit), fit),)
+        singles = (Single(cause, rated.chi2 - _chi2(here.white, fit), fit, rated.chi2),)
         return made, Found(rated, fit, (cause,), singles, here.white, draws, here.library)
 
     def without(self, best: Fit, cause: Candidate) -> Fit:
@@ -267,9 +267,9 @@ class Selection:
                 continue
             if candidate.effect in fits:
                 began, fit = fits[candidate.effect]
-                out[candidate.effect] = Single(began, base - fit.chi2, fit)
+                out[candidate.effect] = Single(began, base - fit.chi2, fit, base)
             else:
-                out[candidate.effect] = Single(candidate, float(here.drop[int(k)]), None)
+                out[candidate.effect] = Single(candidate, float(here.drop[int(k)]), None, base)
         return tuple(sorted(out.values(), key=lambda each: price(each.candidate.keys) - each.drop))
 
     def _improved(

@@ -7,14 +7,15 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from discrepancy.explanation import Adequacy, Evidence, Explanation
-from discrepancy.report.figures import channel_name, residuals_drawn, shown_channels, spectra_drawn
+from discrepancy.explanation import Adequacy, Explanation
+from discrepancy.report.figures import compared_drawn, residuals_drawn, shown_channels, spectra_drawn
+from discrepancy.report.ranking import chance_text, ranking
 from discrepancy.report.wording import (
     NOT_TOLD,
+    channel_name,
     chi2_text,
     headline,
     listed,
-    number_text,
     parameter_words,
     quantity_text,
     seen_text,
@@ -23,11 +24,11 @@ from discrepancy.report.wording import (
 )
 from discrepancy.simulation import Effect
 from discrepancy.verdict import Cause, Quantity, Signature
-from reports.drawing import AFTER, BEFORE, FLOOR
+from reports.drawing import AFTER, BEFORE, FLOOR, INK
 from reports.page import rendered
 
 _TEMPLATE = Path(__file__).with_name("report.html")
-_EQUIVALENT, _REJECTED = "#7fa6c0", "#b9c0c5"
+_BEFORE = "Before"
 
 
 def page(explanation: Explanation, files: Sequence[Path] = ()) -> str:
@@ -35,7 +36,8 @@ def page(explanation: Explanation, files: Sequence[Path] = ()) -> str:
     verdict, view = explanation.verdict, explanation.held_out
     effects = {effect.name: effect for effect in explanation.causes}
     formulas = {term.name: term.formula for term in verdict.constructed}
-    best, more = _evidence(explanation.evidence)
+    ranked = ranking(explanation)
+    named = bool(verdict.causes)
     remains = verdict.remainder.present and verdict.causes
     return rendered(
         _TEMPLATE,
@@ -54,14 +56,17 @@ def page(explanation: Explanation, files: Sequence[Path] = ()) -> str:
         ],
         missing=_where(verdict.remainder.signature) if remains else "",
         left_out=len(view.channels.names) - len(shown_channels(view)),
-        keys=((BEFORE, "before"), (AFTER, "after"), (FLOOR, "noise")),
-        residuals=residuals_drawn(view),
-        spectra=spectra_drawn(view),
-        evidence=best,
-        more_evidence=more,
+        keys=((BEFORE, "before"), *(((AFTER, "after"),) if named else ()), (FLOOR, "noise")),
+        sides=((INK, "measured"), (BEFORE, "simulated"), *(((AFTER, "extended simulation"),) if named else ())),
+        compared=compared_drawn(view, named=named),
+        residuals=residuals_drawn(view, named=named),
+        spectra=spectra_drawn(view, named=named),
+        evidence=ranked.rows if explanation.evidence else [],
+        more_evidence=ranked.more,
+        chance=chance_text(explanation.evidence),
         adequacy=[
-            (when, "; ".join(one.reasons) or "what is left is noise")
-            for when, one in (("Before", explanation.before), ("After", explanation.after))
+            (when, "; ".join(one.reasons) or _no_reason(when, named))
+            for when, one in ((_BEFORE, explanation.before), ("After", explanation.after))
         ],
         channels=[
             (
@@ -78,6 +83,13 @@ def page(explanation: Explanation, files: Sequence[Path] = ()) -> str:
         notes=explanation.notes,
         seed=explanation.seed,
     )
+
+
+def _no_reason(when: str, named: bool) -> str:
+    """Return what is said of a model that nothing is held against."""
+    if named and when == _BEFORE:
+        return "by itself what is left could pass for slow noise; that a cause explains it is what speaks against that"
+    return "what is left is noise"
 
 
 def _signature_text(explanation: Explanation) -> str:
@@ -114,33 +126,6 @@ def _cause(cause: Cause, effect: Effect, rivals: dict[str, Effect], formula: str
         "alike": listed([words(name) for name in cause.equivalents], "or") if cause.equivalents else "",
         "rivals": [(words(name), rivals[name].explanation) for name in cause.equivalents if name in rivals],
         "evidence": "; ".join(told),
-    }
-
-
-def _evidence(every: Sequence[Evidence]) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-    """Return the rows of each effect's strongest candidate, and those of all others; `every` is strongest first."""
-    strongest = max((_height(one) for one in every), default=0.0) or 1.0
-    best = {one.effect: one for one in reversed(every)}
-    rows = [(best[one.effect] is one, _evidence_row(one, strongest)) for one in every]
-    return [row for is_best, row in rows if is_best], [row for is_best, row in rows if not is_best]
-
-
-def _height(one: Evidence) -> float:
-    return math.log10(1.0 + max(0.0, one.chi2))
-
-
-def _evidence_row(one: Evidence, strongest: float) -> dict[str, str]:
-    return {
-        "status": one.status,
-        "name": words(one.effect),
-        "parameters": ", ".join(
-            f"{parameter_words(name)} {number_text(value)}" for name, value in one.parameters.items()
-        ),
-        "chi2": chi2_text(one.chi2),
-        "width": f"{100.0 * _height(one) / strongest:.1f}",
-        "colour": {"accepted": AFTER, "equivalent": _EQUIVALENT}.get(one.status, _REJECTED),
-        "threshold": chi2_text(one.threshold),
-        "told": {"accepted": "named", "equivalent": "alternative", "rejected": "rejected"}[one.status],
     }
 
 

@@ -1,6 +1,7 @@
 """How numbers are shown to a person: in the unit that reads best, with the digits that its interval justifies."""
 
 import math
+from collections.abc import Mapping, Sequence
 
 from discrepancy.verdict import Cause, Quantity, Verdict
 
@@ -15,13 +16,46 @@ _SMALL = 1.0
 """Seconds or metres: from it on they are read as they are, below in thousandths."""
 _SMALL_SHARE = 0.1
 """Below it a share has a decimal of a percent: a whole percent would be a tenth of it."""
-_UNIT_SUFFIXES = frozenset(
-    ["s", "m", "mm", "rad", "radps", "radps2", "mps", "mps2", "n", "ns", "nm", "kg", "kgm", "kgm2", "hz", "px", "degc"]
-)
+_UNITS = {
+    "s": "s",
+    "m": "m",
+    "mm": "mm",
+    "rad": "rad",
+    "radps": "rad/s",
+    "radps2": "rad/s²",
+    "mps": "m/s",
+    "mps2": "m/s²",
+    "n": "N",
+    "N": "N",
+    "ns": "N·s",
+    "nm": "N·m",
+    "Nm": "N·m",
+    "kg": "kg",
+    "kgm": "kg·m",
+    "kgm2": "kg·m²",
+    "hz": "Hz",
+    "Hz": "Hz",
+    "px": "px",
+    "deg": "°",
+    "degc": "°C",
+    "degC": "°C",
+    "V": "V",
+    "A": "A",
+    "W": "W",
+    "K": "K",
+}
+"""By the suffix of a name."""
+_PER = "per"
+_ONLY = "value"
+"""The name of an effect's one parameter, which says nothing that the effect's own does not."""
+_PLAIN = {"hz": "frequency", "zeta": "damping ratio"}
+"""Parameters' names that are no words."""
 _MOST_DECIMALS = 6
 """Of a number that is written out: with more it is written with an exponent."""
 _WHOLE = 100.0
 """A rise of χ² from which on its decimals say nothing."""
+_MOST_TOLD = 8
+"""Parameters of one candidate that are told in a row of a table."""
 NOT_TOLD = "–"
 
 
@@ -89,7 +123,7 @@ def number_text(value: float | None, half: float | None = None) -> str:
     if value is None or not math.isfinite(value):
         return NOT_TOLD
     if half is None or not 0.0 < half < math.inf:
-        return f"{value:.4g}"
+        return f"{value:.4g}".replace("-", "−")
     digits = 1 - math.floor(math.log10(half))
     if digits > _MOST_DECIMALS:
         lead = math.floor(math.log10(abs(value))) if value else -digits
@@ -105,14 +139,35 @@ def chi2_text(chi2: float | None) -> str:
 
 
 def words(name: str) -> str:
-    """Return a library name as words."""
-    return name.replace("_", " ")
+    """Return a library name as words: of one that acts on a channel without the channel's unit."""
+    effect, of, channel = name.partition("_of_")
+    return f"{effect}{of}{channel_name(channel)[0]}".replace("_", " ")
+
+
+def channel_name(name: str) -> tuple[str, str]:
+    """Return a channel's name in words and its unit, which is the name's last part: ("fx", "N")."""
+    stem, _, suffix = name.rpartition("_")
+    return (stem.replace("_", " "), _UNITS[suffix]) if stem and suffix in _UNITS else (name.replace("_", " "), "")
 
 
 def parameter_words(name: str) -> str:
-    """Return a parameter's name as words without its unit, which is shown beside its value."""
-    stem, _, suffix = name.rpartition("_")
-    return words(stem if stem and suffix in _UNIT_SUFFIXES else name)
+    """Return a parameter's name as words without its unit (z of z_radps_per_degc), which stands beside its value."""
+    parts = name.split("_")
+    while len(parts) > 1 and (parts[-1] in _UNITS or parts[-1] == _PER):
+        parts.pop()
+    return " ".join(_PLAIN.get(part, part) for part in parts)
+
+
+def parameters_text(choice: Sequence[str], units: Sequence[str], values: Mapping[str, float]) -> str:
+    """Return the parameters of a choice with the values that some have: "x −0.276°, y, z"."""
+    told = []
+    for name, unit in zip(choice, units, strict=True):
+        value, _, shown = quantity_text(Quantity(values.get(name), None, None, unit))
+        number = f"{value} {shown}".replace(" °", "°").strip() if name in values else ""
+        own = parameter_words(name)
+        told.append(number if own == _ONLY else f"{own} {number}".strip())
+    more = [f"and {len(told) - _MOST_TOLD} more"] if len(told) > _MOST_TOLD + 1 else []
+    return ", ".join(each for each in (*(told[:_MOST_TOLD] if more else told), *more) if each)
 
 
 def share_text(share: float | None) -> str:

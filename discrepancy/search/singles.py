@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from discrepancy.evidence.whitening import Whitening
 from discrepancy.search.candidates import Candidate
 from discrepancy.search.fit import Fit
 from discrepancy.search.refits import Refits, cost, price
@@ -29,11 +30,20 @@ other starts."""
 
 @dataclass(frozen=True)
 class Single:
-    """A candidate alone: by how much it lowers χ², and its refit if it was worth one."""
+    """A candidate alone: by how much it lowers χ², which is `base` without it, and its refit if it was worth one."""
 
     candidate: Candidate
     drop: float
     fit: Fit | None
+    base: float
+
+    def left(self, white: Whitening, base: float) -> float:
+        """Return the χ² that the candidate leaves under another noise, where the base model's is `base`; without a
+        refit the same share of that as under the noise that it was scored with.
+        """
+        if self.fit is not None:
+            return float(np.sum(white(self.fit.residual) ** 2))
+        return base * max(1.0 - self.drop / self.base, 0.0) if self.base > 0.0 else base
 
 
 def singles(refits: Refits, at_base: Products) -> tuple[Single, ...]:
@@ -46,7 +56,7 @@ def singles(refits: Refits, at_base: Products) -> tuple[Single, ...]:
     for index, each in enumerate(candidates):
         fit = fits.get(index)
         gained = float(drop[index]) if fit is None else base.chi2 - fit.chi2
-        found.append(Single(each, gained, fit))
+        found.append(Single(each, gained, fit, base.chi2))
     return tuple(sorted(found, key=lambda each: price(each.candidate.keys) - each.drop))
 
 

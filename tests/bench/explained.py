@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from discrepancy.explanation import Adequacy, Evidence, Explanation, Spectrum, View
+from discrepancy.explanation import Adequacy, Evidence, Explanation, Misfit, Spectrum, View
 from discrepancy.simulation import Channels, Effect, Parameter, Values
 from discrepancy.values import predicted
 from discrepancy.verdict import Cause, Gain, Quantity, Remainder, Signature, Verdict
@@ -92,9 +92,12 @@ def explanation(held_out: Toy, *, named: bool = True) -> Explanation:
         held_out=view,
         held_out_is_own=False,
         evidence=(
-            Evidence("force_delay", ("value_s",), 812.0, 11.2, 0.002, True, "accepted", {"value_s": 0.004}),
-            Evidence("tare_error", ("fx_n",), 3.0, 11.2, 0.9, False, "rejected", {"fx_n": 0.01}),
+            Evidence(
+                "force_delay", ("value_s",), 812.0, 11.2, 0.002, True, "accepted", {"value_s": 0.004}, ("s",), 3990.0
+            ),
+            Evidence("tare_error", ("fx_n",), 3.0, 11.2, 0.9, False, "rejected", {"fx_n": 0.01}, ("N",), 4799.0),
         ),
+        misfit=Misfit(4802.0, 3990.0, 4000),
         before=bad,
         after=good if named else bad,
         values_before=before,

@@ -5,6 +5,7 @@ import re
 import sys
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -18,6 +19,9 @@ from tests.bench.browser import chromium
 from tests.bench.explained import explanation, toy
 from tests.bench.html_page import read
 from tests.bench.narrow_page import NARROW_PX, measured
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("jinja2")
@@ -150,3 +154,18 @@ def test_without_what_renders_it_nothing_is_written(
 def test_a_page_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"absent/page\.html: No such file or directory"):
         write_sections(tmp_path / "absent" / "page.html", "", "", (), [])
+
+
+def test_a_clock_that_began_long_ago_and_few_decades_have_numbers_of_their_own() -> None:
+    late = drawing("late", lambda axes: axes.plot([84213.25, 84213.5], [0.0, 1.0]))
+    assert ">84213.30<" in late
+    assert "+8.4" not in late
+
+    def few(axes: "Axes") -> None:
+        axes.plot([0.2, 10.0], [1e-8, 1e-4])
+        axes.set(xscale="log", yscale="log", xlim=(0.2, 10.0))
+
+    labels = re.findall(r">([\d.e\u2212]+)</text>", drawing("few", few))
+    assert {"0.2", "0.5", "1", "2", "5", "10"} <= set(labels)
+    assert "1e\N{MINUS SIGN}06" in labels
+    assert not any(label.startswith(("2e", "5e")) for label in labels)

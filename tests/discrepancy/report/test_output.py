@@ -88,12 +88,15 @@ def test_the_report_tells_everything_on_one_page_by_itself(tmp_path: Path) -> No
         "All candidates, each by itself",
         "The plate was not at rest when it was tared.",
         "Five samples are missing <in tz>.",
-        "value 0.004",
+        "the simulation as it is 1.1",  # √(4802 / 4000)
+        "force delay 4 ms 0.999 0.0 named",
+        "tare error fx 0.01 N ≈ 1.1 ≈ 809 no better than noise",
+        "11.2 with 1 parameter.",
         "98 %",
         "noise",
     ):
         assert told in text, told
-    assert (tmp_path / "report.html").read_text(encoding="utf-8").count("<svg") == 4
+    assert (tmp_path / "report.html").read_text(encoding="utf-8").count("<svg") == 8
 
 
 def test_the_report_of_an_unknown_cause_shows_its_signature(tmp_path: Path) -> None:
