@@ -107,7 +107,7 @@ class Problem:
     def moved(self, asked: Sequence[Asked]) -> list[Values]:
         """Return the values at which to predict for the columns `asked`."""
         return [
-            {**values, key: self.value(values, key) + self._step(values, key) * self.parameters[key].scale}
+            {**values, key: self.value(values, key) + self._sign(values, key) * self.parameters[key].difference}
             for values, _, key in asked
         ]
 
@@ -123,7 +123,11 @@ class Problem:
     def _step(self, values: Values, key: str) -> float:
         """Return the step of differentiation in scales, away from the nearer bound."""
         parameter = self.parameters[key]
-        return 1.0 if self.value(values, key) + parameter.scale <= parameter.high else -1.0
+        return self._sign(values, key) * parameter.difference / parameter.scale
+
+    def _sign(self, values: Values, key: str) -> float:
+        parameter = self.parameters[key]
+        return 1.0 if self.value(values, key) + parameter.difference <= parameter.high else -1.0
 
     def lost(self, predicted: FloatArray) -> float:
         """Return the share of the compared samples that a prediction (c, n) cannot give."""

@@ -22,7 +22,12 @@ class Parameter:
     """A number of the base model or of an effect.
 
     `neutral` is the value without the effect, or where the base fit starts; infinite where only that is neutral, as for
-    a resonance. `scale` is a change that matters physically: steps of differentiation and tests of being zero go by it.
+    a resonance. `scale` is a typical change, the unit in which the fits count; unless they are given it is the other
+    two as well. `step` is the step of differentiation: well above what the simulation's own numerics are off by, and
+    small enough that the prediction hardly bends over it. `matters` is the least size that matters to a person: an
+    effect that is not surely larger is not named; 0 names whatever is surely there.
+    `per_recording` says, of a parameter of the base model, that it belongs to the recording and not to the system, as
+    an initial state or a tare: each has its own value, fitted on the recording held out too.
     `inexact` is the share of the value that the simulation's own formula may be off by, known from other recordings
     whose truth is known: an interval claims no less (GUM, evaluation of type B). `own_bounds` says that the effect took
     its bounds from the recording, as a limit from the greatest reading: a value on one of them is an answer, while on
@@ -37,12 +42,29 @@ class Parameter:
     scale: float
     inexact: float = 0.0
     own_bounds: bool = False
+    step: float | None = None
+    matters: float | None = None
+    per_recording: bool = False
 
     def __post_init__(self) -> None:
         if not (self.low < self.high and self.scale > 0.0 and math.isfinite(self.scale)):
             raise ValueError(f"{self.name}: low < high and 0 < scale < ∞ are needed")
+        if self.step is not None and not 0.0 < self.step < self.high - self.low:
+            raise ValueError(f"{self.name}: step {self.difference:g}; expected more than 0 and less than high − low")
+        if not 0.0 <= self.least < math.inf:
+            raise ValueError(f"{self.name}: matters {self.least:g}; expected 0 or more")
         if not 0.0 <= self.inexact < 1.0:
             raise ValueError(f"{self.name}: 0 ≤ inexact < 1 is needed")
+
+    @property
+    def difference(self) -> float:
+        """Return the step of differentiation."""
+        return self.scale if self.step is None else self.step
+
+    @property
+    def least(self) -> float:
+        """Return the least size that matters."""
+        return self.scale if self.matters is None else self.matters
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ _FAITHFUL = 0.5
 BLOCKS = 32
 """Stretches of a recording whose scores are compared: enough for their spread, each long beside the noise's memory."""
 _NUMERICAL = 0.1
-"""Of a parameter's scale: what a simulation's own numerics may be off by, and no interval claims to exclude."""
+"""Of a parameter's step: what a simulation's own numerics may be off by, and no interval claims to exclude."""
 _TAKEN = 0.5
 """Of the way to an interval's end: where bounds leave less of it, the profile there tells nothing."""
 _LEAST_RISE = 1e-3
@@ -243,7 +243,8 @@ def intervals(problem: Problem, white: Whitening, found: Fit, columns: FloatArra
     scale = np.array([problem.parameters[key].scale for key in keys])
     at = np.array([found.values[key] for key in keys])
     inexact = np.array([problem.parameters[key].inexact for key in keys]) * np.abs(at)
-    half = np.hypot(np.hypot(NORMAL_95 * np.sqrt(np.diag(covariance)), _NUMERICAL) * scale, inexact)
+    numerical = _NUMERICAL * np.array([problem.parameters[key].difference for key in keys]) / scale
+    half = np.hypot(np.hypot(NORMAL_95 * np.sqrt(np.diag(covariance)), numerical) * scale, inexact)
     bounds = np.column_stack((at - half, at + half))
     for row in range(len(problem.base), len(keys)):
         for side in (0, 1):

@@ -1,4 +1,4 @@
-"""Which of the causes found stand on something: larger than their scale, in their bounds, and true elsewhere too."""
+"""Which of the causes found stand on something: larger than what matters, in their bounds, and true elsewhere too."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -46,7 +46,7 @@ def intervals_of(problem: Problem, fit: Fit) -> Intervals:
 
 
 def immaterial(problem: Problem, fit: Fit, found: Intervals, causes: Sequence[Candidate]) -> list[str]:
-    """Return the causes none of whose deciding parameters is surely further from neutral than its `scale`, and those
+    """Return the causes none of whose deciding parameters is surely further from neutral than matters, and those
     with a deciding parameter on a bound that is not its own, beyond which the truth may lie.
 
     A parameter decides that changes the prediction while all others of the effect are neutral: a damping or an onset
@@ -58,7 +58,7 @@ def immaterial(problem: Problem, fit: Fit, found: Intervals, causes: Sequence[Ca
         for key in deciding(problem, fit, name):
             p, value = problem.parameters[key], fit.values[key]
             low, high = found.of(key)
-            sure = sure or not isfinite(p.neutral) or low > p.neutral + p.scale or high < p.neutral - p.scale
+            sure = sure or not isfinite(p.neutral) or low > p.neutral + p.least or high < p.neutral - p.least
             bounded = bounded or (not p.own_bounds and value in (p.low, p.high) and value != p.neutral)
         if bounded or not sure:
             out.append(name)

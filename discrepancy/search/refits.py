@@ -162,10 +162,10 @@ class Refits:
         return [each for _, each in begun.values()]
 
     def matters(self, fit: Fit, cause: Candidate) -> bool:
-        """Return whether a parameter of a cause is further from neutral than its scale, or has no finite neutral."""
+        """Return whether a parameter of a cause is further from neutral than matters, or has no finite neutral."""
         for key in cause.keys:
             p = self._problem.parameters[key]
-            if not abs(self._problem.value(fit.values, key) - p.neutral) <= p.scale:
+            if not abs(self._problem.value(fit.values, key) - p.neutral) <= p.least:
                 return True
         return False
 

@@ -6,7 +6,7 @@ of twenty where
 
     √(s² F) > √(threshold + penalty) + 1.645                                                                       (1)
 
-and is larger than its scale where s > 1 + (z₉₇.₅ + z₉₅) / √F.                                                      (2)
+and is larger than what matters, m scales, where s > m + (z₉₇.₅ + z₉₅) / √F.                                        (2)
 """
 
 from collections.abc import Sequence
@@ -66,7 +66,8 @@ def smallest(
             root = np.sqrt(information) if information > 0.0 else 0.0
             s = inf
             if root > 0.0:
-                s = max((np.sqrt(least + PENALTY) + _NORMAL_90) / root, 1.0 + (NORMAL_95 + _NORMAL_90) / root)
+                surely = p.least / p.scale + (NORMAL_95 + _NORMAL_90) / root
+                s = max((np.sqrt(least + PENALTY) + _NORMAL_90) / root, surely)
             furthest = max(abs(p.low - p.neutral), abs(p.high - p.neutral))
             size = float(s * p.scale)
             sizes[key] = size if size <= furthest else inf
