@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.explain_answer import command, write
+from cli.explain_answer import Loader, command, write
 from cli.explain_court import court
 from cli.explain_effects import effects
 from cli.explain_own import own, practice
@@ -34,7 +34,7 @@ explain.command()(practice)
 
 
 def _of_system(system: str) -> Callable[..., None]:
-    return command(lambda: partial(_loaded, system), "Folder of the recording to fit.")
+    return command(lambda: Loader(partial(_loaded, system)), "Folder of the recording to fit.")
 
 
 for _system, _told in _SYSTEMS.items():

@@ -1,6 +1,6 @@
 """What every `gaiteyes explain SYSTEM` does: fit, judge, write and print; the options that they share."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from inspect import Signature, signature
 from pathlib import Path
@@ -21,8 +21,15 @@ class Asked:
 
     recording: Path
     out: Annotated[Path, typer.Option(help="Folder for verdict, report, held-out data and extended model.")]
+    also: Annotated[
+        list[Path] | None,
+        typer.Option(help="A further recording of the same system, fitted together with the first; may be repeated."),
+    ] = None
     held_out: Annotated[
-        Path | None, typer.Option(help="Another recording to test on; by default the last 30 % of the first.")
+        list[Path] | None,
+        typer.Option(
+            help="Another recording to test on; may be repeated; by default the last 30 % of each fitted one."
+        ),
     ] = None
     only: Annotated[str, typer.Option(help="Try only these effects, with commas.")] = ""
     without: Annotated[str, typer.Option(help="Leave these effects out of the library, with commas.")] = ""
@@ -31,7 +38,15 @@ class Asked:
     json: JsonFile = None
 
 
-def command(loader: "Callable[..., Callable[[Path], Simulation]]", recording: str) -> Callable[..., None]:
+@dataclass(frozen=True)
+class Loader:
+    """What reads a recording, and the files of the simulation itself, which a report names beside the recordings."""
+
+    read: "Callable[[Path], Simulation]"
+    sources: tuple[Path, ...] = ()
+
+
+def command(loader: Callable[..., Loader], recording: str) -> Callable[..., None]:
     """Return the command that explains a recording, told as `recording`.
 
     It takes the arguments of `loader`, which returns what reads a recording, then the recording and all of `Asked`.
@@ -41,19 +56,19 @@ def command(loader: "Callable[..., Callable[[Path], Simulation]]", recording: st
     shared["recording"] = shared["recording"].replace(annotation=told)
 
     def run(**given: Any) -> None:
-        load = loader(**{name: given[name] for name in own})
-        answer(load, Asked(**{name: given[name] for name in shared}))
+        answer(loader(**{name: given[name] for name in own}), Asked(**{name: given[name] for name in shared}))
 
     run.__doc__ = loader.__doc__
     run.__signature__ = Signature([*own.values(), *shared.values()])  # type: ignore[attr-defined]  # typer reads it
     return run
 
 
-def answer(load: "Callable[[Path], Simulation]", asked: Asked) -> None:
-    """Explain what was asked, simulations coming from `load`; write the results and print them."""
+def answer(loader: Loader, asked: Asked) -> None:
+    """Explain what was asked, simulations coming from `loader`; write the results and print them."""
     from cli.console import check_writable, console
     from cli.progress import working
     from discrepancy import explain
+    from discrepancy.recordings import check_different
     from discrepancy.report.output import check_report, write_report
     from discrepancy.restricted import check_names, without
     from discrepancy.verdict import to_json
@@ -62,16 +77,19 @@ def answer(load: "Callable[[Path], Simulation]", asked: Asked) -> None:
     if asked.report:
         check_report()
     tried, left_out = _names(asked.only), _names(asked.without)
-    with working("reading the recording") as now:
-        fit = load(asked.recording)
-        check_names("--only", tried, fit)
-        check_names("--without", left_out, fit)
-        other = None if asked.held_out is None else without(load(asked.held_out), left_out)
+    fitted, held_out = [asked.recording, *(asked.also or [])], asked.held_out or []
+    files = [*fitted, *held_out]
+    check_different(files)
+    with working("reading the recordings" if len(files) > 1 else "reading the recording") as now:
+        first = loader.read(asked.recording)
+        check_names("--only", tried, first)
+        check_names("--without", left_out, first)
+        every = [without(each, left_out) for each in (first, *(loader.read(path) for path in files[1:]))]
         now("searching for effects that the simulation lacks")
-        explanation = explain(without(fit, left_out), other, seed=asked.seed, only=tried)
+        fit, other = every[: len(fitted)], every[len(fitted) :]
+        explanation = explain(fit, other, seed=asked.seed, only=tried, names=_short(files))
         now("writing the results")
-        files = [path for path in (asked.recording, asked.held_out) if path is not None]
-        write_report(explanation, asked.out, report=asked.report, files=files)
+        write_report(explanation, asked.out, report=asked.report, files=[*files, *loader.sources])
     if asked.json is not None:
         write(asked.json, to_json(explanation.verdict))
     _print(explanation)
@@ -88,6 +106,12 @@ def write(path: Path, data: bytes) -> None:
         raise UserError(f"{path}: {error.strerror}") from error
 
 
+def _short(files: Sequence[Path]) -> list[str]:
+    """Return what tells the recordings apart: their own names, or the whole paths where two have the same."""
+    names = [path.name for path in files]
+    return names if len(set(names)) == len(names) else [str(path) for path in files]
+
+
 def _names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
@@ -98,6 +122,7 @@ def _print(explanation: "Explanation") -> None:
         headline,
         parameter_words,
         quantity_text,
+        recording_row,
         removed_text,
         seen_text,
         share_text,
@@ -121,6 +146,11 @@ def _print(explanation: "Explanation") -> None:
         f"{share_text(gain.noise_floor_nrmse)}{'' if verdict.noise_from else ' (estimated)'}{told}",
         highlight=False,
     )
+    if verdict.recordings:
+        columns = ["recording", "", "error before", "after", "noise", "what is left"]
+        table("Each recording by itself", columns, [recording_row(each) for each in verdict.recordings], words=True)
+    for told in verdict.disagreements:
+        console.print(f"the recordings disagree: {told}", highlight=False)
     if verdict.seen_above:
         console.print(f"would have been seen from: {seen_text(verdict)}")
     for note in explanation.notes:

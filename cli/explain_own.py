@@ -1,23 +1,21 @@
 """`gaiteyes explain own` and `practice`: anybody's simulation, and recordings to try the finder on."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from discrepancy.simulation import Simulation
+from cli.explain_answer import Loader
 
 
 def own(
     function: Annotated[str, typer.Argument(help="MODULE:FUNCTION that makes the simulation from a table.")],
-) -> "Callable[[Path], Simulation]":
+) -> Loader:
     """Your own simulation: a function of a table that returns it, found in the current folder."""
-    from systems.own.function import function_of, simulation_of
+    from systems.own.function import function_of, simulation_of, source_of
 
     found = function_of(function)
-    return lambda path: simulation_of(found, path)
+    return Loader(lambda path: simulation_of(found, path), source_of(found))
 
 
 def practice(

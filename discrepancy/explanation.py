@@ -108,7 +108,8 @@ class Explanation:
     `values_before` and `values_after` hold every parameter, as `Simulation.predicted` takes them; `quantities_after`
     those of the causes by `effect.parameter`. `causes` are the library's entries of the verdict's causes and `rivals`
     those of their equivalents, by name. `evidence` is of all candidates, strongest first, beside the `misfit`.
-    `held_out_is_own` is False where the last part of the fit recording was held out.
+    `held_out_is_own` is False where the last part of the fit recording was held out. Of several recordings `fit` is the
+    first and `held_out` the one with the largest error left, whose name is `held_out_name`.
     """
 
     verdict: Verdict
@@ -126,3 +127,4 @@ class Explanation:
     rivals: dict[str, Effect]
     notes: tuple[str, ...]
     seed: int
+    held_out_name: str = ""

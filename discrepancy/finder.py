@@ -1,14 +1,18 @@
-"""The one call: a simulation held against its recording gives an explanation."""
+"""The one call: a simulation held against its recording, or several against theirs, gives an explanation."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from discrepancy.construct.construction import constructed
 from discrepancy.explanation import Explanation
 from discrepancy.findings import Alternatives, Findings
-from discrepancy.judgement import LEAST_REMOVED, Models, Recordings, judged
+from discrepancy.judgement import LEAST_REMOVED, Judgement, Models, beside_alone, judged
 from discrepancy.problem import MOST_LOST, Problem
+from discrepancy.recordings import Recordings
+from discrepancy.search.agreement import Alone, each_alone
+from discrepancy.search.carried import carried
 from discrepancy.search.equivalents import better, equivalents
 from discrepancy.search.pruning import intervals_of, kept
 from discrepancy.search.search import Found, Search
@@ -24,18 +28,35 @@ _MOST_EXCHANGED = 2
 """Causes that are exchanged at the end for a rival that fits better: the search itself has offered each to two."""
 
 
-def explain(fit: Simulation, held_out: Simulation | None, *, seed: int, only: tuple[str, ...] = ()) -> Explanation:
+Simulations = Simulation | Sequence[Simulation]
+"""One system held against one recording, or against several."""
+
+
+def explain(
+    fit: Simulations,
+    held_out: Simulations | None,
+    *,
+    seed: int,
+    only: tuple[str, ...] = (),
+    names: Sequence[str] = (),
+) -> Explanation:
     """Return what `fit` gets wrong, why, and what knowing it gains on `held_out`.
 
-    Without `held_out` the last 30 % of the recording is held out. `seed` draws the bootstrap: equal seeds give equal
+    Several recordings of one system, of any rates and lengths, are fitted jointly: with one set of parameters, but for
+    those that belong to each recording (`Parameter.per_recording`), each under its own noise; each is also judged by
+    itself, and where they disagree it is told. `names` are those of all recordings, fitted ones first, for that.
+    Without `held_out` the last 30 % of each recording is held out. `seed` draws the bootstrap: equal seeds give equal
     bytes. `only` fits exactly those effects of the library, whether they are needed or not. Raises UserError where a
-    name of `only` is not in the library, where two parameters share a key, or where too little can be compared.
+    name of `only` is not in the library, where two parameters share a key, where too little can be compared, or where
+    the recordings are not of one system.
     """
-    known = [effect.name for effect in fit.effects]
+    every = _Given.of(fit, held_out, names)
+    first = every.fit[0]
+    known = [effect.name for effect in first.effects]
     unknown = [name for name in only if name not in known]
     if unknown:
-        raise UserError(f"effect {unknown[0]}: not in the library of {fit.system}, which has {', '.join(known)}")
-    recordings = Recordings.of(fit, held_out)
+        raise UserError(f"effect {unknown[0]}: not in the library of {first.system}, which has {', '.join(known)}")
+    recordings = every.recordings()
     search = Search(recordings.fit, only or known, seed)
     if only:
         found = search.forced(only)
@@ -44,43 +65,89 @@ def explain(fit: Simulation, held_out: Simulation | None, *, seed: int, only: tu
         found = search.found()
         models = _kept(recordings, search, found)
     notes: tuple[str, ...] = ()
-    if models.causes and recordings.held_out.lost(recordings.held_out.predicted(models.extended.values)) > MOST_LOST:
-        names = ", ".join(dict.fromkeys(each.effect for each in models.causes))
-        notes = (f"{names}: fits this recording best, but the simulation diverges with it on the one held out",)
+    alone = _alone(recordings, models)
+    best = "this recording" if len(recordings.fit.parts) == 1 else "the recordings"
+    if models.causes and _diverges(recordings.held_out, models):
+        told = ", ".join(dict.fromkeys(each.effect for each in models.causes))
+        notes = (f"{told}: fits {best} best, but the simulation diverges with it on the one held out",)
         models = models.withdrawn()
+        alone = _alone(recordings, models)
     judgement = judged(recordings, models, seed)
+    if alone:
+        judgement = beside_alone(judgement, alone)
     if models.causes and not (only or _holds(judgement.gain)):
-        names = ", ".join(dict.fromkeys(each.effect for each in models.causes))
-        notes = (f"{names}: fits this recording best, but does not hold on the one held out",)
+        told = ", ".join(dict.fromkeys(each.effect for each in models.causes))
+        notes = (f"{told}: fits {best} best, but does not hold on {_failing(judgement)}",)
         models, judgement = models.withdrawn(), judgement.withdrawn()
     elif judgement.good_enough and not only:
         notes = ("the simulation as it is meets the stated tolerance in every channel",)
         models, judgement = models.withdrawn(), judgement.withdrawn()
     if not (models.causes or judgement.after.adequate or judgement.good_enough or only):
-        found_more = _constructed(fit, held_out, models, seed, notes)
+        found_more = _constructed(every, models, seed, notes)
         if found_more is not None:
             return found_more
-    notes += _compared(recordings.fit, "fitted") + _compared(recordings.held_out, "held out")
+    notes += _compared(recordings)
     alternatives = _alternatives(search, models, rivals=not only)
     quiet = judgement.after.adequate and not models.causes and not only
     smallest = search.smallest(found.chance) if quiet else None
-    return Findings(recordings, found, models, judgement, alternatives, smallest, notes, seed).explanation()
+    return Findings(
+        recordings, found, models, judgement, alternatives, smallest, notes, seed, alone=alone
+    ).explanation()
 
 
-def _constructed(
-    fit: Simulation, held_out: Simulation | None, models: Models, seed: int, notes: tuple[str, ...]
-) -> Explanation | None:
+@dataclass(frozen=True)
+class _Given:
+    """What is to be explained: the simulations that are fitted and held out, and all their names."""
+
+    fit: tuple[Simulation, ...]
+    held_out: tuple[Simulation, ...]
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, fit: Simulations, held_out: Simulations | None, names: Sequence[str]) -> "_Given":
+        first = tuple(fit) if isinstance(fit, Sequence) else (fit,)
+        rest = () if held_out is None else tuple(held_out) if isinstance(held_out, Sequence) else (held_out,)
+        if not first:
+            raise UserError("no recording to fit; expected one or more")
+        if names and len(names) != len(first) + len(rest):
+            raise UserError(f"{len(names)} names; expected one for each of {len(first) + len(rest)} recordings")
+        return cls(first, rest, tuple(names))
+
+    def recordings(self) -> Recordings:
+        return Recordings.of(self.fit, self.held_out, self.names)
+
+
+def _alone(recordings: Recordings, models: Models) -> Sequence[Alone]:
+    """Return what each of several fitted recordings tells by itself."""
+    return each_alone(recordings.fit, models.extended) if len(recordings.fit.parts) > 1 else ()
+
+
+def _diverges(other: Problem, models: Models) -> bool:
+    """Return whether the extended model cannot simulate what was held out."""
+    return other.lost(other.predicted(carried(other, models.extended.values))) > MOST_LOST
+
+
+def _failing(judgement: Judgement) -> str:
+    """Return in words the recordings held out on which the extension does not remove enough."""
+    if len(judgement.held_out) == 1:
+        return "the one held out"
+    return "those held out: " + ", ".join(each.name for each in judgement.held_out if not _holds(each.gain))
+
+
+def _constructed(every: _Given, models: Models, seed: int, notes: tuple[str, ...]) -> Explanation | None:
     """Return the explanation by terms made at the simulation's ports, None where none holds elsewhere."""
-    made = constructed(fit, held_out, models.base.values, seed)
+    made = constructed(every.fit, every.held_out, every.names, models.base.values, seed)
     if made is None:
         return None
     recordings, causes = made.recordings, made.models.causes
     as_good, rival = made.alike()
     rise = {cause.effect: made.rise(cause) for cause in causes}
-    notes += _compared(recordings.fit, "fitted") + _compared(recordings.held_out, "held out")
+    notes += _compared(recordings)
     found = Alternatives(rise, as_good, rival)
+    alone = _alone(recordings, made.models)
+    judgement = beside_alone(made.judgement, alone) if alone else made.judgement
     return Findings(
-        recordings, made.found, made.models, made.judgement, found, None, notes, seed, made.made
+        recordings, made.found, made.models, judgement, found, None, notes, seed, made.made, alone
     ).explanation()
 
 
@@ -108,14 +175,20 @@ def _kept(recordings: Recordings, search: Search, found: Found) -> Models:
     return Models(found.base, intervals_of(problem, found.base), best, intervals, causes)
 
 
-def _compared(problem: Problem, which: str) -> tuple[str, ...]:
-    """Return a note where much of what was measured could not be compared."""
-    share = float(problem.valid.sum() / max(np.isfinite(problem.channels.values).sum(), 1))
-    if share >= _LEAST_COMPARED:
-        return ()
-    return (
-        f"the recording {which}: the simulation gives {100.0 * share:.1f} % of what was measured; only that counts",
+def _compared(recordings: Recordings) -> tuple[str, ...]:
+    """Return a note for each recording of which much could not be compared."""
+    out = []
+    sides = (
+        (recordings.fit, recordings.fitted_names, "fitted"),
+        (recordings.held_out, recordings.held_out_names, "held out"),
     )
+    for problem, names, which in sides:
+        for part, name in zip(problem.parts, names, strict=True):
+            share = float(part.valid.sum() / max(np.isfinite(part.measured).sum(), 1))
+            told = f"the recording {which}" if len(problem.parts) == 1 else name
+            if share < _LEAST_COMPARED:
+                out.append(f"{told}: the simulation gives {100.0 * share:.1f} % of what was measured; only that counts")
+    return tuple(out)
 
 
 def _holds(gain: Gain) -> bool:

@@ -9,16 +9,18 @@ import numpy as np
 from discrepancy.construct.formula import told
 from discrepancy.construct.terms import MadeTerm
 from discrepancy.evidence.gain import told as told_gain
-from discrepancy.evidence.signature import nothing_left, signature
-from discrepancy.evidence.whitening import whitening
+from discrepancy.evidence.signature import nothing_left
 from discrepancy.explanation import Evidence, Explanation, Misfit, Status
-from discrepancy.judgement import Judgement, Models, Recordings
+from discrepancy.judgement import JudgedRecording, Judgement, Models
 from discrepancy.problem import Problem
+from discrepancy.recordings import Recordings
+from discrepancy.report.wording import key_text, quantity_text
+from discrepancy.search.agreement import Alone, disagreements
 from discrepancy.search.fit import Fit, Intervals
 from discrepancy.search.scores import PENALTY, probability, threshold
 from discrepancy.search.search import Found
 from discrepancy.search.smallest import Smallest
-from discrepancy.verdict import Cause, Kind, Quantity, Remainder, Verdict, number
+from discrepancy.verdict import Cause, Kind, Quantity, RecordingTold, Remainder, Verdict, number, quantity
 
 
 @dataclass(frozen=True)
@@ -34,10 +36,12 @@ class Alternatives:
 
 @dataclass(frozen=True)
 class Findings:
-    """One recording explained: what the search found, the models kept, how they were judged, and what could stand in.
+    """One recording or several explained: what the search found, the models kept, how they were judged, and what could
+    stand in.
 
     `smallest` tells what would have been seen, where nothing was. `notes` are for a person, `seed` drew the
-    bootstrap. `made` are the terms, by name, that were made for want of a library's effect.
+    bootstrap. `made` are the terms, by name, that were made for want of a library's effect. `alone` is what each of
+    several fitted recordings tells by itself.
     """
 
     recordings: Recordings
@@ -49,6 +53,7 @@ class Findings:
     notes: tuple[str, ...]
     seed: int
     made: Mapping[str, MadeTerm] = field(default_factory=dict)
+    alone: Sequence[Alone] = ()
 
     def explanation(self) -> Explanation:
         """Return the explanation."""
@@ -56,8 +61,9 @@ class Findings:
         causes = self._causes()
         return Explanation(
             verdict=self._verdict(causes),
-            fit=judgement.fit,
-            held_out=judgement.held_out,
+            fit=judgement.fitted[0].view,
+            held_out=_shown(judgement).view,
+            held_out_name=_shown(judgement).name if judgement.several else "",
             held_out_is_own=self.recordings.held_out_is_own,
             evidence=_evidence(problem, self.found, causes),
             misfit=_misfit(self.found, models),
@@ -88,6 +94,8 @@ class Findings:
             noise_from=None if noise is None else noise.source,
             seen_above=self._seen_above(),
             notes=[*self.notes, *judgement.after.remarks],
+            recordings=self._recordings() if judgement.several else [],
+            disagreements=self._disagreements(),
             constructed=[told(self.made[cause.name], cause.parameters) for cause in causes if cause.name in self.made],
         )
 
@@ -119,14 +127,53 @@ class Findings:
 
     def _remainder(self) -> Remainder:
         """Return what the extended model still misses."""
-        problem = self.recordings.fit
         removed = told_gain(self.recordings.held_out, self.judgement.gain).share_of_excess_removed
-        white = whitening(self.models.extended.residual, problem.valid)
-        return Remainder(
-            present=True,
-            share=1.0 - min(max(removed, 0.0), 1.0) if removed is not None else None,
-            signature=signature(problem, white, self.judgement.structured_after.signal),
+        most = max(
+            self.judgement.fitted, key=lambda each: (not each.after.adequate, float(each.structured_after.share.max()))
         )
+        return Remainder(True, _share_left(removed), most.signature())
+
+    def _recordings(self) -> list[RecordingTold]:
+        """Return what each recording says by itself."""
+        out = []
+        for held_out, every in ((False, self.judgement.fitted), (True, self.judgement.held_out)):
+            for place, each in enumerate(every):
+                found = told_gain(each.problem, each.gain)
+                removed, missing = found.share_of_excess_removed, not each.after.adequate
+                remainder = Remainder(False, 0.0, nothing_left())
+                if missing:
+                    remainder = Remainder(True, _share_left(removed), each.signature())
+                told_alone = self.alone[place] if self.alone and not held_out else None
+                out.append(
+                    RecordingTold(
+                        name=each.name,
+                        held_out=held_out,
+                        nrmse_before=found.held_out_nrmse_before,
+                        nrmse_after=found.held_out_nrmse_after,
+                        noise_floor_nrmse=found.noise_floor_nrmse,
+                        share_of_excess_removed=removed,
+                        remainder=remainder,
+                        parameters={} if told_alone is None else self._told_alone(told_alone),
+                    )
+                )
+        return out
+
+    def _told_alone(self, alone: Alone) -> dict[str, Quantity]:
+        parameters = self.recordings.fit.parameters
+        return {
+            key: quantity(value, 0.0, parameters[key].unit, alone.bounds[key]) for key, value in alone.values.items()
+        }
+
+    def _disagreements(self) -> list[str]:
+        """Return in sentences on what the recordings that were fitted disagree."""
+        out = []
+        for each in disagreements(self.recordings.fit, self.alone) if self.alone else []:
+            sides = []
+            for place in (each.first, each.second):
+                value, interval, unit = quantity_text(self._told_alone(self.alone[place])[each.key])
+                sides.append(f"{value} ({interval}) {unit}".rstrip() + f" in {self.recordings.fitted_names[place]}")
+            out.append(f"{key_text(each.key)} is {', but '.join(sides)}")
+        return out
 
     def _causes(self) -> list[Cause]:
         """Return the causes, the one first whose loss raises χ² most."""
@@ -154,6 +201,8 @@ class Findings:
         for cause in causes:
             if cause.equivalents:
                 return self.recordings.fit.effects[cause.name].experiment
+        if apart := self._disagreements():
+            return f"Find out what was different when these were recorded, and record both again: {'; '.join(apart)}."
         if not self.judgement.after.adequate:
             where = "; ".join(self.judgement.after.reasons)
             return f"Repeat with one input moving at a time, at half and at twice the amplitude: {where}."
@@ -177,6 +226,15 @@ def _quantities(problem: Problem, fit: Fit, found: Intervals, keys: Sequence[str
         low, high = found.of(key)
         out[key] = Quantity(number(fit.values[key]), number(low), number(high), problem.parameters[key].unit)
     return out
+
+
+def _shown(judgement: Judgement) -> JudgedRecording:
+    """Return the held-out recording that a report draws: the one with the largest error left."""
+    return max(judgement.held_out, key=lambda each: each.gain.held_out_nrmse_after or 0.0)
+
+
+def _share_left(removed: float | None) -> float | None:
+    return 1.0 - min(max(removed, 0.0), 1.0) if removed is not None else None
 
 
 def _misfit(found: Found, models: Models) -> Misfit:

@@ -9,12 +9,15 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from discrepancy.evidence.noise import Noise, known_noise
+from discrepancy.evidence.whitening import White, whitening
 from discrepancy.simulation import Channels, Effect, Parameter, Simulation, Values, predicted_many
 from discrepancy.values import Complete, Neutral
 from messages.arrays import BoolArray, FloatArray
 from messages.errors import UserError
 
 LEAST_SAMPLES = 200
+THIS = "recording"
+"""How an error names a recording that nobody has given a name here."""
 _EDGE_SHARE = 0.005
 """Of the record at either end: filters and shifts in a simulation have no past or future there."""
 MOST_LOST = 0.05
@@ -29,33 +32,54 @@ Asked = tuple[Values, FloatArray, str]
 class Problem:
     """Residuals of one simulation against its recording; `noise` is what is known of its noise beside any model.
 
-    Raises UserError where fewer than 200 samples of any channel can be compared.
+    `continued` says that it is the rest of a recording whose beginning is fitted. `own` are the keys of what belongs to
+    this recording alone. Raises UserError where fewer than 200 samples of any channel can be compared.
     """
 
-    def __init__(self, simulation: Simulation, noise: Noise | None = None) -> None:
+    def __init__(self, simulation: Simulation, noise: Noise | None = None, *, continued: bool = False) -> None:
+        self.continued = continued
         self.simulation = simulation
         self.channels: Channels = simulation.channels
         self.noise = noise or known_noise(self.channels)
         self.rate_hz = self.channels.rate_hz
         self.parameters: dict[str, Parameter] = {p.name: p for p in simulation.parameters}
         self.base = tuple(self.parameters)
+        self.own = tuple(p.name for p in simulation.parameters if p.per_recording)
         self.effects: dict[str, Effect] = {effect.name: effect for effect in simulation.effects}
         for effect in simulation.effects:
             self.parameters |= {effect.qualified(p.name): p for p in effect.parameters}
-        self._measured = np.ascontiguousarray(self.channels.values.T)
+        self.measured = np.ascontiguousarray(self.channels.values.T)
         self._neutral = Neutral(simulation)
         neutral = self.predicted({})
-        self.c, self.n = self._measured.shape
+        self.c, self.n = self.measured.shape
         inside = np.zeros(self.n, bool)
         edge = max(round(_EDGE_SHARE * self.n), 2)
         inside[edge : self.n - edge] = True
-        self._accept(np.isfinite(self._measured) & np.isfinite(neutral) & inside)
+        self._accept(np.isfinite(self.measured) & np.isfinite(neutral) & inside)
         few = [name for name, kept in zip(self.channels.names, self.valid.sum(axis=1), strict=True) if 0 < kept < 50]
         if few or int(self.valid.sum()) < LEAST_SAMPLES:
             raise UserError(
-                f"recording: {', '.join(few) or 'all channels'}: too few samples that can be compared, at least "
+                f"{THIS}: {', '.join(few) or 'all channels'}: too few samples that can be compared, at least "
                 f"{LEAST_SAMPLES} are needed"
             )
+
+    @property
+    def parts(self) -> "tuple[Problem, ...]":
+        """Return the recordings one by one: this one."""
+        return (self,)
+
+    @property
+    def edges(self) -> tuple[int, ...]:
+        """Return where each recording begins, and where the last one ends."""
+        return (0, self.n)
+
+    def values_of(self, _part: int, values: Values) -> Values:
+        """Return `values` as a recording of this problem, the only one, takes them."""
+        return values
+
+    def whitening(self, residual: FloatArray) -> White:
+        """Return the whitening under which `residual` (c, n) is unit noise."""
+        return whitening(residual, self.valid)
 
     def start(self) -> dict[str, float]:
         """Return the base model's parameters where its fit begins."""
@@ -70,7 +94,7 @@ class Problem:
         right.
         """
         with np.errstate(invalid="ignore"):
-            residual = self._measured - predicted
+            residual = self.measured - predicted
         return self.filled(np.where(np.isfinite(residual), residual, 0.0))
 
     def predicted(self, values: Values) -> FloatArray:

@@ -84,13 +84,30 @@ class Constructed(msgspec.Struct, frozen=True):
     constants: dict[str, float]
 
 
+class RecordingTold(msgspec.Struct, frozen=True):
+    """One of several recordings by itself, fitted or held out: the NRMSE of both models and of the noise there, and
+    what the extended model still misses. `parameters` are those that the recordings share, as this one alone tells
+    them, causes' as `effect.parameter`; none for one that is held out.
+    """
+
+    name: str
+    held_out: bool
+    nrmse_before: float | None
+    nrmse_after: float | None
+    noise_floor_nrmse: float | None
+    share_of_excess_removed: float | None
+    remainder: Remainder
+    parameters: dict[str, Quantity]
+
+
 class Verdict(msgspec.Struct, frozen=True):
     """The whole verdict, strongest cause first.
 
     `noise_from` tells what the noise is known from beside any model; null where it had to be estimated from what the
     models leave. `seen_above` tells, where nothing was named, from which size on each parameter would have been seen;
     a null value means that none within its bounds would have been. `notes` say what a reader should know beside.
-    `constructed` are those causes, of a verdict of that name, that were made at the simulation's ports.
+    `constructed` are those causes, of a verdict of that name, that were made at the simulation's ports. `recordings`
+    tells each by itself where several are fitted, or held out, and `disagreements` on what those fitted disagree.
     """
 
     system: str
@@ -105,6 +122,8 @@ class Verdict(msgspec.Struct, frozen=True):
     seen_above: dict[str, Quantity] = {}
     notes: list[str] = []
     constructed: list[Constructed] = []
+    recordings: list[RecordingTold] = []
+    disagreements: list[str] = []
 
 
 def number(value: float) -> float | None:

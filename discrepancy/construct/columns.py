@@ -79,13 +79,14 @@ class Ports:
     ) -> list[FloatArray]:
         """Return for each term the change of the prediction by an amount of one, (starts, amounts, c, n)."""
         simulation = simulation or self.simulation
+        step_s = 1.0 / simulation.channels.rate_hz
         n = len(simulation.channels.t_s)
         before = simulation.predicted(values)
         given: list[Given] = []
         wanted: list[tuple[int, tuple[int, ...], float]] = []
         out: list[FloatArray] = []
         for k, each in enumerate(made):
-            series = each.series(signals[each.port.name], self._step_s)
+            series = each.series(signals[each.port.name], step_s)
             series = np.nan_to_num(np.broadcast_to(series, (*series.shape[:2], n)))
             out.append(np.zeros((*series.shape[:2], before.shape[1], n)))
             for place in np.ndindex(*series.shape[:2]):

@@ -11,9 +11,10 @@ import numpy as np
 from discrepancy.construct.columns import Ports
 from discrepancy.construct.selection import Selection
 from discrepancy.construct.terms import MadeTerm
-from discrepancy.judgement import LEAST_REMOVED, Judgement, Models, Recordings, judged
+from discrepancy.judgement import LEAST_REMOVED, Judgement, Models, judged
 from discrepancy.ports.simulation import PortedSimulation
 from discrepancy.problem import Problem
+from discrepancy.recordings import Recordings
 from discrepancy.restricted import Restricted
 from discrepancy.search.candidates import Candidate
 from discrepancy.search.fit import Fit, Intervals
@@ -28,7 +29,7 @@ _LEAST_SMALLER = 0.67
 
 @dataclass(frozen=True)
 class Construction:
-    """Both recordings with the made terms in their library, the search there, and the models it left."""
+    """All recordings with the made terms in their library, the search there, and the models it left."""
 
     recordings: Recordings
     selection: Selection
@@ -69,54 +70,61 @@ def ported(simulation: Simulation) -> PortedSimulation | None:
     return simulation if isinstance(simulation, PortedSimulation) and simulation.ports else None
 
 
-def constructed(fit: Simulation, held_out: Simulation | None, base: dict[str, float], seed: int) -> Construction | None:
+def constructed(
+    fit: Sequence[Simulation], held_out: Sequence[Simulation], names: Sequence[str], base: dict[str, float], seed: int
+) -> Construction | None:
     """Return what can be constructed beside the base model, fitted at `base`, judged; None where the simulation has no
-    ports, or no term is found that lowers the misfit by more than chance.
+    ports, or no term is found that lowers the misfit by more than chance. Terms are made from the first recording's
+    motion. `names` are those of all recordings.
     """
-    whole = ported(fit)
-    other = ported(held_out) if held_out is not None else None
-    if whole is None or (held_out is not None and other is None):
+    wholes, others = ([each for each in map(ported, side) if each is not None] for side in (fit, held_out))
+    if len(wholes) < len(fit) or len(others) < len(held_out):
         return None
-    at = Neutral(whole).completed(base)
-    ports = Ports(whole, at)
-    names = [each.name for each in fit.effects]
-    found = _by_formulas(_Task(whole, other, ports, ports.terms(at), base, seed), names)
+    known = {p.name for p in wholes[0].parameters}
+    at = Neutral(wholes[0]).completed({key: value for key, value in base.items() if key in known})
+    ports = Ports(wholes[0], at)
+    effects = [each.name for each in fit[0].effects]
+    found = _by_formulas(_Task(wholes, others, names, ports, ports.terms(at), base, seed), effects)
     if found is not None and found.holds:
         return found
-    curves = _learned(_Task(whole, other, ports, ports.curves(at), base, seed))
+    curves = _learned(_Task(wholes, others, names, ports, ports.curves(at), base, seed))
     return curves if curves is not None and curves.holds else None
 
 
 @dataclass(frozen=True)
 class _Task:
-    """Both simulations, the terms made at their ports, the base model's values, and the seed of the bootstrap."""
+    """All simulations, their recordings' names, the terms made at their ports, the base model's values, and the seed of
+    the bootstrap.
+    """
 
-    fit: PortedSimulation
-    held_out: PortedSimulation | None
+    fit: Sequence[PortedSimulation]
+    held_out: Sequence[PortedSimulation]
+    names: Sequence[str]
     ports: Ports
     made: tuple[MadeTerm, ...]
     base: dict[str, float]
     seed: int
 
     @property
-    def whole(self) -> PortedSimulation:
-        """Return the simulation that is fitted, with the terms in its library."""
-        return self._with(self.fit)
+    def wholes(self) -> list[PortedSimulation]:
+        """Return the simulations that are fitted, with the terms in their library."""
+        return [self._with(each) for each in self.fit]
 
     @property
     def recordings(self) -> Recordings:
-        """Return both recordings with the terms in the library."""
-        return Recordings.of(self.whole, None if self.held_out is None else self._with(self.held_out))
+        """Return all recordings with the terms in the library."""
+        return Recordings.of(self.wholes, [self._with(each) for each in self.held_out], self.names)
 
     def _with(self, simulation: PortedSimulation) -> PortedSimulation:
-        return simulation.with_terms((*simulation.library, *(each.term() for each in self.made)))
+        library = simulation.like(self.fit[0]).library if len(self.fit) > 1 else simulation.library
+        return simulation.with_terms((*library, *(each.term() for each in self.made)))
 
 
 def _by_formulas(task: _Task, names: Sequence[str]) -> Construction | None:
     """Return what formulas can say, beside the library's effects `names`."""
     recordings, seed = task.recordings, task.seed
     problem = recordings.fit
-    selection = Selection(problem, task.ports, task.whole, task.made, names, task.base, seed)
+    selection = Selection(problem, task.ports, task.wholes, task.made, names, task.base, seed)
 
     def adequate(best: Fit) -> bool:
         nothing = Intervals((), np.zeros((0, 0)), np.zeros((0, 2)))
@@ -135,7 +143,7 @@ def _learned(task: _Task) -> Construction | None:
     """Return a learned curve of one signal."""
     recordings, seed = task.recordings, task.seed
     problem = recordings.fit
-    selection = Selection(problem, task.ports, task.whole, task.made, (), task.base, seed)
+    selection = Selection(problem, task.ports, task.wholes, task.made, (), task.base, seed)
     best = selection.curve()
     if best is None:
         return None

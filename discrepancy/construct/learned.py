@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from discrepancy.construct.terms import MadeTerm
-from discrepancy.evidence.whitening import Whitening, whitening
+from discrepancy.evidence.whitening import White
 from discrepancy.problem import MOST_LOST, Problem
 from discrepancy.search.fit import Fit
 from messages.arrays import FloatArray
@@ -38,7 +38,7 @@ def learned(
 
     `terms` are curves with the columns (K, c, n) of their amounts at the base fit.
     """
-    white = whitening(base.residual, problem.valid)
+    white = problem.whitening(base.residual)
     e = white(base.residual)
     own = white(base_columns)
     cut = round(_FITTED * problem.n)
@@ -89,7 +89,7 @@ def _solved(gram: FloatArray, score: FloatArray, at: FloatArray, bent: int, pena
     return step
 
 
-def _fitted(problem: Problem, white: Whitening, base: Fit, made: MadeTerm, penalty: float) -> Fit:
+def _fitted(problem: Problem, white: White, base: Fit, made: MadeTerm, penalty: float) -> Fit:
     keys = made.keys
     moving = (*problem.base, *keys)
     values = {**base.values, **dict.fromkeys(keys, 0.0)}

@@ -14,7 +14,7 @@ import numpy as np
 from discrepancy.construct.columns import Ports
 from discrepancy.construct.learned import learned
 from discrepancy.construct.terms import MadeTerm
-from discrepancy.evidence.whitening import Whitening, whitening
+from discrepancy.evidence.whitening import White
 from discrepancy.ports.simulation import PortedSimulation
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate, Library, library, noise_beneath
@@ -53,26 +53,28 @@ class Round:
     """All candidates at one fit, under the noise beneath them."""
 
     library: Library
-    white: Whitening
+    white: White
     fitter: Fitter
     found: Products
     drop: FloatArray
 
 
 class Selection:
-    """One selection among made terms and the effects of a library, `names`; `seed` draws what chance gives."""
+    """One selection among made terms and the effects of a library, `names`, for the simulations `wholes` of a problem's
+    recordings; `seed` draws what chance gives.
+    """
 
     def __init__(
         self,
         problem: Problem,
         ports: Ports,
-        whole: PortedSimulation,
+        wholes: Sequence[PortedSimulation],
         made: Sequence[MadeTerm],
         names: Sequence[str],
         start: dict[str, float],
         seed: int,
     ) -> None:
-        self._problem, self._ports, self._whole = problem, ports, whole
+        self._problem, self._ports, self._wholes = problem, ports, wholes
         self._made = {each.effect.name: each for each in made}
         self._names = tuple(names)
         self._rng = np.random.default_rng(seed)
@@ -151,7 +153,7 @@ class Selection:
 
     def rise(self, best: Fit, cause: Candidate) -> float:
         """Return by how much χ² rises without a cause, under the noise that the whole fit leaves."""
-        white = whitening(best.residual, self._problem.valid)
+        white = self._problem.whitening(best.residual)
         others = [each for each in best.keys if each.split(".")[0] != cause.effect]
         without = self.without(best, cause) if others else self._base
         return _chi2(white, without) - _chi2(white, best)
@@ -205,8 +207,6 @@ class Selection:
     def _columns(self, best: Fit, made: Sequence[MadeTerm], first: int) -> tuple[list[Candidate], FloatArray]:
         """Return the candidates of made terms at all their starts, and the columns (m, c, n) of their amounts."""
         problem = self._problem
-        values = problem.completed(best.values)
-        columns = self._ports.columns(self._whole, values, made)
         candidates: list[Candidate] = []
         for each in made:
             effect, form = each.effect, each.form
@@ -215,7 +215,12 @@ class Selection:
                 rows = tuple(range(first, first + len(form.amounts)))
                 first += len(form.amounts)
                 candidates.append(Candidate(effect.name, form.amounts, each.keys, begun, rows, None))
-        return candidates, np.stack([problem.filled(np.ascontiguousarray(row[:, : problem.n])) for row in columns])
+        columns = [
+            self._ports.columns(whole, part.completed(problem.values_of(place, best.values)), made)[:, :, : part.n]
+            for place, (part, whole) in enumerate(zip(problem.parts, self._wholes, strict=True))
+        ]
+        rows_ = np.concatenate(columns, axis=2)
+        return candidates, np.stack([problem.filled(np.ascontiguousarray(row)) for row in rows_])
 
     def _chance(self, here: Round, best: Fit) -> FloatArray:
         candidates = here.library.candidates
@@ -310,5 +315,5 @@ def _best_of_each(candidates: Sequence[Candidate], fits: Sequence[Fit]) -> list[
     return list(best.values())
 
 
-def _chi2(white: Whitening, fit: Fit) -> float:
+def _chi2(white: White, fit: Fit) -> float:
     return float(np.sum(white(fit.residual) ** 2))

@@ -1,5 +1,7 @@
 """What an extension gains on a recording it was not fitted to, all parameters frozen."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from msgspec.structs import replace
 
@@ -36,6 +38,19 @@ def gain(problem: Problem, before: FloatArray, after: FloatArray, signal: FloatA
     excess = first**2 - floor**2
     share = (first**2 - second**2) / excess if excess > 0.0 else float("nan")
     return Gain(number(first), number(second), number(floor), number(share if named else 0.0 * share))
+
+
+def pooled(gains: Sequence[Gain]) -> Gain:
+    """Return the gain over several recordings, each weighing as much: the root mean squares of theirs."""
+    if len(gains) == 1:
+        return gains[0]
+    first, second, floor = (
+        _root_mean(np.array([told for each in gains if (told := getattr(each, name)) is not None]) ** 2)
+        for name in ("held_out_nrmse_before", "held_out_nrmse_after", "noise_floor_nrmse")
+    )
+    excess = first**2 - floor**2
+    share = (first**2 - second**2) / excess if excess > 0.0 else float("nan")
+    return Gain(number(first), number(second), number(floor), number(share))
 
 
 def told(problem: Problem, found: Gain) -> Gain:

@@ -10,7 +10,10 @@ mixed by the inverse Cholesky factor of their covariance. After that the likelih
 unit noise.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from scipy import fft
@@ -38,6 +41,21 @@ _COVARIANCE_LOADING = 1e-9
 """Of each channel's innovation: channels that hold the same noise leave their covariance invertible."""
 _LEAST_RESPONSE = 1e-300
 """Of a filter, squared: where it takes all away, the density stays finite."""
+
+
+class White(Protocol):
+    """What makes the noise of one recording, or of several one after another, white, and tells its likelihood."""
+
+    @property
+    def count(self) -> int:
+        """Return how many whitened samples count."""
+
+    @property
+    def log_det(self) -> float:
+        """Return the logarithm of the noise's determinant: −2 log likelihood = `log_det` + ‖whitened‖²."""
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """Return `values` (..., c, n) whitened, zero where they do not count."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +96,59 @@ class Whitening:
         innovation = np.diag(np.linalg.inv(self.mix) @ np.linalg.inv(self.mix).T)
         density = 2.0 / rate_hz * innovation[:, None] / np.maximum(np.abs(self.response) ** 2, _LEAST_RESPONSE)
         return np.column_stack([np.interp(f_hz, grid, row) for row in density])
+
+
+@dataclass(frozen=True)
+class Unfiltered:
+    """Noise taken for white: `weight` (c, n) is one over its deviation, 0 where a sample does not count."""
+
+    weight: FloatArray
+
+    @property
+    def count(self) -> int:
+        """Return how many samples count."""
+        return int(np.sum(self.weight > 0.0))
+
+    @property
+    def log_det(self) -> float:
+        """Return the logarithm of the noise's determinant."""
+        return -2.0 * float(np.log(self.weight[self.weight > 0.0]).sum())
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """Return `values` (..., c, n) in deviations of the noise."""
+        return np.asarray(values * self.weight, dtype=np.float64)
+
+
+def unfiltered(residual: FloatArray, valid: BoolArray) -> Unfiltered:
+    """Return what takes a `residual` (c, n), for want of anything better, for white noise in each channel.
+
+    A filter would take a constant error for slow noise, and a fit under it would leave it there.
+    """
+    power = np.sum(residual**2 * valid, axis=1) / np.maximum(valid.sum(axis=1), 1)
+    return Unfiltered(valid / np.sqrt(np.where(power > 0.0, power, 1.0))[:, None])
+
+
+@dataclass(frozen=True)
+class JointWhitening:
+    """Several recordings one after another, each with its own noise; the p-th has the samples from `edges[p]` on."""
+
+    parts: Sequence[Whitening]
+    edges: Sequence[int]
+
+    @property
+    def count(self) -> int:
+        """Return how many whitened samples count."""
+        return sum(part.count for part in self.parts)
+
+    @property
+    def log_det(self) -> float:
+        """Return the logarithm of the noise's determinant."""
+        return sum(part.log_det for part in self.parts)
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """Return `values` (..., c, n) whitened, zero where they do not count."""
+        ends = pairwise(self.edges)
+        return np.concatenate([part(values[..., a:b]) for part, (a, b) in zip(self.parts, ends, strict=True)], axis=-1)
 
 
 def whitening(residual: FloatArray, valid: BoolArray) -> Whitening:

@@ -9,6 +9,7 @@ from discrepancy.construct.construction import ported
 from discrepancy.construct.forms import FORMS, LEARNED, form_of
 from discrepancy.construct.terms import CONSTANTS, Constants, rebuilt
 from discrepancy.explanation import Explanation
+from discrepancy.joint import OF
 from discrepancy.simulation import Parameter, Simulation
 from discrepancy.verdict import Quantity
 from messages.errors import UserError, unknown_name
@@ -30,6 +31,8 @@ def extended_text(explanation: Explanation) -> str:
     verdict, values = explanation.verdict, explanation.values_after
     lines = [f'system = "{verdict.system}"']
     for name, quantity in verdict.parameters_after.items():
+        if OF in name:  # it belongs to a further recording; the file tells of the first
+            continue
         lines += ["", f"[parameters.{name}]", *_lines(values[name], quantity)]
     for key, quantity in explanation.quantities_after.items():
         lines += ["", f"[effects.{key}]", *_lines(values[key], quantity)]

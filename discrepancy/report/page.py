@@ -15,15 +15,18 @@ from discrepancy.report.wording import (
     channel_name,
     chi2_text,
     headline,
+    key_text,
     listed,
     parameter_words,
     quantity_text,
+    recording_row,
     seen_text,
     share_text,
+    where_text,
     words,
 )
 from discrepancy.simulation import Effect
-from discrepancy.verdict import Cause, Quantity, Signature
+from discrepancy.verdict import Cause, Quantity, Verdict
 from reports.drawing import AFTER, BEFORE, FLOOR, INK
 from reports.page import rendered
 
@@ -54,7 +57,10 @@ def page(explanation: Explanation, files: Sequence[Path] = ()) -> str:
             _cause(cause, effects[cause.name], explanation.rivals, formulas.get(cause.name, ""))
             for cause in verdict.causes
         ],
-        missing=_where(verdict.remainder.signature) if remains else "",
+        missing=where_text(verdict.remainder.signature) if remains else "",
+        recordings=[recording_row(each, removed=True) for each in verdict.recordings],
+        alone=_alone(verdict),
+        held_out_name=explanation.held_out_name,
         left_out=len(view.channels.names) - len(shown_channels(view)),
         keys=((BEFORE, "before"), *(((AFTER, "after"),) if named else ()), (FLOOR, "noise")),
         sides=((INK, "measured"), (BEFORE, "simulated"), *(((AFTER, "extended simulation"),) if named else ())),
@@ -77,7 +83,7 @@ def page(explanation: Explanation, files: Sequence[Path] = ()) -> str:
             for place, name in enumerate(explanation.fit.channels.names)
         ],
         own=[
-            _own(name, quantity, verdict.parameters_after.get(name, quantity))
+            _own(_key(verdict, name), quantity, verdict.parameters_after.get(name, quantity))
             for name, quantity in verdict.parameters_before.items()
         ],
         notes=explanation.notes,
@@ -97,18 +103,7 @@ def _signature_text(explanation: Explanation) -> str:
         return "No effect of the library is needed, and what is left does not follow from the inputs: it is noise."
     if explanation.verdict.verdict == "cannot_tell":
         return "Nothing was found, but this recording would not show what it is looked at for. What would: see below."
-    return f"What is not explained shows {_where(explanation.verdict.remainder.signature)}."
-
-
-def _where(signature: Signature) -> str:
-    names = [channel_name(name)[0] for name in signature.channels]
-    low, high = signature.band_hz
-    parts = [f"in {listed(names)}" if names else "in no single channel"]
-    if low is not None and high is not None:
-        parts.append(f"between {low:.3g} and {high:.3g} Hz")
-    if signature.when_s is not None:
-        parts.append(f"from {signature.when_s[0]:.1f} to {signature.when_s[1]:.1f} s")
-    return ", ".join(parts)
+    return f"What is not explained shows {where_text(explanation.verdict.remainder.signature)}."
 
 
 def _cause(cause: Cause, effect: Effect, rivals: dict[str, Effect], formula: str) -> dict[str, object]:
@@ -140,4 +135,22 @@ def _adequacy_cells(adequacy: Adequacy, place: int) -> tuple[str, str, str]:
 def _own(name: str, before: Quantity, after: Quantity) -> tuple[str, ...]:
     value, interval, unit = quantity_text(before)
     value_after, interval_after, _ = quantity_text(after)
-    return parameter_words(name), value, interval, value_after, interval_after, unit
+    return name, value, interval, value_after, interval_after, unit
+
+
+def _key(verdict: Verdict, name: str) -> str:
+    """Return a parameter in words, of one that belongs to a recording with the recording's name."""
+    names = [each.name for each in verdict.recordings]
+    return key_text(f"{name}@1" if f"{name}@2" in verdict.parameters_before else name, names)
+
+
+def _alone(verdict: Verdict) -> list[tuple[str, ...]]:
+    """Return what each fitted recording tells of each parameter by itself, as rows."""
+    fitted = [each for each in verdict.recordings if each.parameters]
+    keys = dict.fromkeys(key for each in fitted for key in each.parameters)
+    return [
+        (key_text(key), each.name, *quantity_text(each.parameters[key]))
+        for key in keys
+        for each in fitted
+        if key in each.parameters
+    ]

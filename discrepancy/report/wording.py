@@ -3,7 +3,8 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from discrepancy.verdict import Cause, Quantity, Verdict
+from discrepancy.joint import OF
+from discrepancy.verdict import Cause, Quantity, RecordingTold, Signature, Verdict
 
 _READ_AS = {
     "s": (1e3, "ms"),
@@ -30,6 +31,7 @@ _UNITS = {
     "ns": "N·s",
     "nm": "N·m",
     "Nm": "N·m",
+    "Nms": "N·m·s",
     "kg": "kg",
     "kgm": "kg·m",
     "kgm2": "kg·m²",
@@ -98,6 +100,14 @@ def seen_text(verdict: Verdict) -> str:
     return "; ".join(parts)
 
 
+def key_text(key: str, names: Sequence[str] = ()) -> str:
+    """Return a parameter's key as words: "force delay: value"; of one that belongs to a recording with its name."""
+    name, at, place = key.partition(OF)
+    effect, dot, parameter = name.rpartition(".")
+    told = f"{words(effect)}: {parameter_words(parameter)}" if dot else parameter_words(name)
+    return f"{told} ({names[int(place) - 1]})" if at and int(place) <= len(names) else told
+
+
 def removed_text(verdict: Verdict) -> str:
     """Return what the extension removes, in words."""
     share = verdict.gain.share_of_excess_removed
@@ -123,7 +133,7 @@ def number_text(value: float | None, half: float | None = None) -> str:
     if value is None or not math.isfinite(value):
         return NOT_TOLD
     if half is None or not 0.0 < half < math.inf:
-        return f"{value:.4g}".replace("-", "−")
+        return f"{value:.4g}"
     digits = 1 - math.floor(math.log10(half))
     if digits > _MOST_DECIMALS:
         lead = math.floor(math.log10(abs(value))) if value else -digits
@@ -163,7 +173,7 @@ def parameters_text(choice: Sequence[str], units: Sequence[str], values: Mapping
     told = []
     for name, unit in zip(choice, units, strict=True):
         value, _, shown = quantity_text(Quantity(values.get(name), None, None, unit))
-        number = f"{value} {shown}".replace(" °", "°").strip() if name in values else ""
+        number = f"{value} {shown}".replace(" °", "°").replace("-", "−").strip() if name in values else ""
         own = parameter_words(name)
         told.append(number if own == _ONLY else f"{own} {number}".strip())
     more = [f"and {len(told) - _MOST_TOLD} more"] if len(told) > _MOST_TOLD + 1 else []
@@ -175,6 +185,26 @@ def share_text(share: float | None) -> str:
     if share is None or not math.isfinite(share):
         return NOT_TOLD
     return f"{100.0 * share:.{1 if abs(share) < _SMALL_SHARE else 0}f} %".replace("-", "−")
+
+
+def recording_row(told: RecordingTold, *, removed: bool = False) -> tuple[str, ...]:
+    """Return one of several recordings as the cells of a row; with what was `removed` of the excess before the last."""
+    shares = [told.nrmse_before, told.nrmse_after, told.noise_floor_nrmse]
+    shares += [told.share_of_excess_removed] if removed else []
+    left = where_text(told.remainder.signature) if told.remainder.present else "noise"
+    return (told.name, "held out" if told.held_out else "fitted", *map(share_text, shares), left)
+
+
+def where_text(signature: Signature) -> str:
+    """Return where a remainder is, in words."""
+    names = [channel_name(name)[0] for name in signature.channels]
+    low, high = signature.band_hz
+    parts = [f"in {listed(names)}" if names else "in no single channel"]
+    if low is not None and high is not None:
+        parts.append(f"between {low:.3g} and {high:.3g} Hz")
+    if signature.when_s is not None:
+        parts.append(f"from {signature.when_s[0]:.1f} to {signature.when_s[1]:.1f} s")
+    return ", ".join(parts)
 
 
 def listed(items: list[str], last: str = "and") -> str:

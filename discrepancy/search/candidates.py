@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from discrepancy.evidence.whitening import Whitening, whitening
+from discrepancy.evidence.whitening import White, unfiltered
 from discrepancy.problem import MOST_LOST, Problem
 from discrepancy.simulation import Effect
 from messages.arrays import FloatArray
@@ -54,7 +54,7 @@ class Library:
     base: int
     candidates: tuple[Candidate, ...]
 
-    def whitened(self, white: Whitening) -> FloatArray:
+    def whitened(self, white: White) -> FloatArray:
         """Return all columns whitened, (m, c · n)."""
         return np.stack([white(column).reshape(-1) for column in self.columns])
 
@@ -131,24 +131,23 @@ def _finite(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(values), values, 0.0)
 
 
-def noise_beneath(problem: Problem, residual: FloatArray, columns: FloatArray, rounds: int = _ROUNDS) -> Whitening:
+def noise_beneath(problem: Problem, residual: FloatArray, columns: FloatArray, rounds: int = _ROUNDS) -> White:
     """Return the whitening by what no column (m, c, n) explains of `residual` (c, n).
 
     A filter estimated from the residual itself would take a missing effect for colour and swallow it; what is left
     beside the whole library is noise, if the effect is in the library and small enough to be linear, and if the library
     is not so large that it explains anything: then its weights are held down until they hold out of sample.
     """
-    power = np.sum(residual**2 * problem.valid, axis=1) / np.maximum(problem.valid.sum(axis=1), 1)
-    plain = problem.valid / np.sqrt(np.where(power > 0.0, power, 1.0))[:, None]
-    white: Whitening | None = None
-    left = residual
-    for _ in range(rounds if len(columns) else 0):
-        stack = np.stack([(column * plain if white is None else white(column)).reshape(-1) for column in columns])
-        e = (residual * plain if white is None else white(residual)).reshape(-1)
+    if not len(columns):
+        return problem.whitening(residual)
+    white: White = unfiltered(residual, problem.valid)
+    for _ in range(rounds):
+        stack = np.stack([white(column).reshape(-1) for column in columns])
+        e = white(residual).reshape(-1)
         weights = ridge(stack @ stack.T, stack @ e, _held_down(stack, e, problem.n))
         left = residual - np.tensordot(weights, columns, axes=1)
-        white = whitening(left, problem.valid)
-    return white or whitening(left, problem.valid)
+        white = problem.whitening(left)
+    return white
 
 
 def _held_down(stack: FloatArray, e: FloatArray, n: int) -> float:

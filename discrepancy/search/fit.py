@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from discrepancy.evidence.whitening import Whitening
+from discrepancy.evidence.whitening import White
 from discrepancy.problem import MOST_LOST, Problem
 from discrepancy.simulation import Values
 from messages.arrays import FloatArray
@@ -78,7 +78,7 @@ class Fitter:
     taken `fresh` at each step, as costs nothing where predictions are made side by side.
     """
 
-    def __init__(self, problem: Problem, white: Whitening, base_columns: FloatArray, *, fresh: bool = False) -> None:
+    def __init__(self, problem: Problem, white: White, base_columns: FloatArray, *, fresh: bool = False) -> None:
         self._problem, self.white, self._fresh = problem, white, fresh
         self._base = [white(column).reshape(-1) for column in base_columns]
 
@@ -201,7 +201,7 @@ def _answered(fit: _Fitting, predicted: list[FloatArray]) -> list[Values] | Fit:
         return found
 
 
-def base_fit(problem: Problem, white: Whitening, values: dict[str, float], columns: FloatArray) -> Fit:
+def base_fit(problem: Problem, white: White, values: dict[str, float], columns: FloatArray) -> Fit:
     """Return the base model's fit with the columns given."""
     return Fitter(problem, white, columns).fit(values, ())
 
@@ -213,7 +213,7 @@ def columns_of(problem: Problem, values: dict[str, float], keys: Sequence[str]) 
     return np.array(columns).reshape(len(columns), problem.c, problem.n)
 
 
-def intervals(problem: Problem, white: Whitening, found: Fit, columns: FloatArray) -> Intervals:
+def intervals(problem: Problem, white: White, found: Fit, columns: FloatArray) -> Intervals:
     """Return the 95 % intervals of base model and effects, whose `columns` (p, c, n) are taken at the fit.
 
     The covariance is the inverse Fisher matrix F⁻¹ or, where stretches of the recording disagree by more than it
@@ -256,7 +256,7 @@ def intervals(problem: Problem, white: Whitening, found: Fit, columns: FloatArra
 
 def _profile(
     problem: Problem,
-    white: Whitening,
+    white: White,
     found: Fit,
     keys: Sequence[str],
     fisher: FloatArray,

@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from math import isfinite
 
 import numpy as np
 
 from discrepancy.evidence.adequacy import LEVEL
-from discrepancy.evidence.whitening import whitening
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate
+from discrepancy.search.carried import carried
 from discrepancy.search.fit import Fit, Intervals, columns_of, intervals
 from discrepancy.search.search import Found, Search
 from messages.constants import NORMAL_95
@@ -40,7 +41,7 @@ def kept(
 
 def intervals_of(problem: Problem, fit: Fit) -> Intervals:
     """Return the intervals of a fit, under the noise that its own residual tells."""
-    white = whitening(fit.residual, problem.valid)
+    white = problem.whitening(fit.residual)
     rated = replace(fit, chi2=float(np.sum(white(fit.residual) ** 2)))
     return intervals(problem, white, rated, columns_of(problem, fit.values, (*problem.base, *fit.keys)))
 
@@ -104,14 +105,19 @@ def louder(other: Problem, without: Fit, best: Fit) -> bool:
     """Return whether some channel is above the known noise `without` a cause, and above what is left with it."""
     if other.noise is None or not other.noise.whole:
         return False
-    rms, with_it = (
-        np.sqrt((other.residual(fit.values) ** 2 * other.valid).sum(axis=1) / np.maximum(other.valid.sum(axis=1), 1))
-        for fit in (without, best)
-    )
-    return bool(np.any(rms > LEVEL * np.maximum(other.noise.std, with_it)))
+    there, with_it = (other.residual(carried(other, fit.values)) for fit in (without, best))
+    for part, (a, b) in zip(other.parts, pairwise(other.edges), strict=True):
+        assert part.noise is not None
+        rms, least = (
+            np.sqrt((each[:, a:b] ** 2 * part.valid).sum(axis=1) / np.maximum(part.valid.sum(axis=1), 1))
+            for each in (there, with_it)
+        )
+        if np.any(rms > LEVEL * np.maximum(part.noise.std, least)):
+            return True
+    return False
 
 
 def _minus_2_log_likelihood(other: Problem, fit: Fit) -> float:
-    residual = other.residual(fit.values)
-    white = whitening(residual, other.valid)
+    residual = other.residual(carried(other, fit.values))
+    white = other.whitening(residual)
     return white.log_det + float(np.sum(white(residual) ** 2))

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from discrepancy.evidence.whitening import Whitening, whitening
+from discrepancy.evidence.whitening import White
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate, library, noise_beneath
 from discrepancy.search.fit import MOST_STEPS, Fit, Fitter, base_fit, columns_of
@@ -38,12 +38,12 @@ def base_of(problem: Problem, begun: dict[str, float] | None = None) -> tuple[Fi
     values = begun or problem.start()
     residual = problem.residual(values)
     columns = np.zeros((0, problem.c, problem.n))
-    white = whitening(residual, problem.valid)
+    white = problem.whitening(residual)
     found = Fit(values, residual, 0.0, ())
     for _ in range(_BASE_ROUNDS if problem.base else 0):
         columns = columns_of(problem, found.values, problem.base)
         found = base_fit(problem, white, found.values, columns)
-        white = whitening(found.residual, problem.valid)
+        white = problem.whitening(found.residual)
     return found, columns
 
 
@@ -81,7 +81,7 @@ class Refits:
     `base` is the base model's fit, `library` holds the columns there, `white` is the present whitening.
     """
 
-    white: Whitening
+    white: White
 
     def __init__(self, problem: Problem, names: Sequence[str]) -> None:
         self._problem = problem
@@ -182,7 +182,7 @@ class Refits:
             return False
         base = {key: value for key, value in fit.values.items() if key in problem.base}
         before = problem.predicted(base)
-        spread = np.nanstd(np.where(problem.valid, problem.channels.values.T, np.nan), axis=1)
+        spread = np.nanstd(np.where(problem.valid, problem.measured, np.nan), axis=1)
         weight = np.where(spread > 0.0, 1.0 / np.maximum(spread, np.finfo(float).tiny), 0.0)[:, None]
 
         def changed(*names: str) -> float:
@@ -202,13 +202,13 @@ class Refits:
 
         What is beneath the whole library may be taken for less than the noise is, where the library is large.
         """
-        own = whitening(fit.residual, self._problem.valid)
+        own = self._problem.whitening(fit.residual)
         fell = float(np.sum(own(than.residual) ** 2) - np.sum(own(fit.residual) ** 2))
         return fell > price(fit.keys) - price(than.keys)
 
     def recoloured(self, best: Fit) -> Fit:
         """Whiten anew where the colour of what is left differs, and return the fit under it."""
-        own = whitening(best.residual, self._problem.valid)
+        own = self._problem.whitening(best.residual)
         e_own, e_now = own(best.residual), self.white(best.residual)
         told = own.log_det + float(np.sum(e_own**2))
         now = self.white.log_det * own.count / self.white.count + float(np.sum(e_now**2))
@@ -218,7 +218,7 @@ class Refits:
         self._use(noise_beneath(self._problem, best.residual, columns, _RECOLOURING_ROUNDS))
         return self._fitter.fit(best.values, best.keys, _RECOLOURED_STEPS)
 
-    def _use(self, white: Whitening) -> None:
+    def _use(self, white: White) -> None:
         self.white = white
         self._stack = self.library.whitened(white)
         self._fitter = Fitter(self._problem, white, self.base_columns)

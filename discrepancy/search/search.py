@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from discrepancy.evidence.whitening import Whitening
+from discrepancy.evidence.whitening import White
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate, Library
 from discrepancy.search.fit import Fit
@@ -60,7 +60,7 @@ class Found:
     best: Fit
     causes: tuple[Candidate, ...]
     singles: tuple[Single, ...]
-    white: Whitening
+    white: White
     chance: FloatArray
     library: Library
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from discrepancy.evidence.whitening import Whitening
+from discrepancy.evidence.whitening import White
 from discrepancy.search.candidates import Candidate
 from discrepancy.search.fit import Fit
 from discrepancy.search.refits import Refits, cost, price
@@ -37,7 +37,7 @@ class Single:
     fit: Fit | None
     base: float
 
-    def left(self, white: Whitening, base: float) -> float:
+    def left(self, white: White, base: float) -> float:
         """Return the χ² that the candidate leaves under another noise, where the base model's is `base`; without a
         refit the same share of that as under the noise that it was scored with.
         """

@@ -53,7 +53,7 @@ def smallest(
 
     An effect that has no direction at its neutral values (a resonance, a threshold) is left out.
     """
-    spread = np.nanstd(np.where(problem.valid, problem.channels.values.T, np.nan), axis=1)
+    spread = np.nanstd(np.where(problem.valid, problem.measured, np.nan), axis=1)
     sizes: dict[str, float] = {}
     needed: dict[str, float] = {}
     for each in candidates:

@@ -38,6 +38,20 @@ def function_of(text: str) -> Callable[..., object]:
     return found  # type: ignore[no-any-return]
 
 
+def source_of(function: Callable[..., object]) -> tuple[Path, ...]:
+    """Return the file that a function is written in, relative to the current folder where it is below it; none for a
+    built-in.
+    """
+    try:
+        file = inspect.getsourcefile(function)
+    except TypeError:  # of a built-in or a callable object
+        return ()
+    if file is None:
+        return ()
+    here = Path.cwd()
+    return (Path(file).relative_to(here) if Path(file).is_relative_to(here) else Path(file),)
+
+
 def simulation_of(function: Callable[..., object], path: Path) -> Simulation:
     """Return the simulation that a function makes of the recording at `path`.
 

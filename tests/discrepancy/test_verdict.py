@@ -48,6 +48,8 @@ def test_fields_are_those_agreed() -> None:
         "seen_above",
         "notes",
         "constructed",
+        "recordings",
+        "disagreements",
     ]
     assert list(told["causes"][0]) == ["name", "parameters", "evidence", "equivalents"]
     assert list(told["causes"][0]["parameters"]["value_s"]) == ["value", "low", "high", "unit"]

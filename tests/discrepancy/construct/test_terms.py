@@ -159,4 +159,4 @@ def test_a_spoilt_term_is_refused_in_one_line(
 def test_without_ports_nothing_is_constructed(pendulum: PortedSimulation) -> None:
     channels = pendulum.channels
     own = OwnSimulation("own", channels, lambda _values: np.zeros_like(channels.values), ())
-    assert constructed(own, None, {}, 1) is None
+    assert constructed([own], [], (), {}, 1) is None
