@@ -56,6 +56,24 @@ def test_from_folders_to_a_verdict_and_a_model_that_simulates(
     assert np.nanstd(simulated[:, 1] - simulated[:, 3]) < np.nanstd(simulated[:, 1] - simulated[:, 2])
 
 
+def test_several_recordings_are_fitted_together_and_told_apart(
+    folders: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fit, other = folders
+    for seed in ("3", "4"):
+        (tmp_path / seed).mkdir()
+    held_out = ("--held-out", tmp_path / "3", "--held-out", tmp_path / "4")
+    explain("platform", fit, "--also", other, *held_out, "--out", tmp_path / "out", "--no-report")
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "Each recording by itself" in printed
+    verdict = json.loads((tmp_path / "out" / "verdict.json").read_bytes())
+    assert [cause["name"] for cause in verdict["causes"]] == ["force_delay"]
+    told = [(each["name"], each["held_out"]) for each in verdict["recordings"]]
+    assert told == [("1", False), ("2", False), ("3", True), ("4", True)]
+    with pytest.raises(UserError, match="given twice"):
+        explain("platform", fit, "--also", fit, "--out", tmp_path / "twice", "--no-report")
+
+
 def test_what_is_left_out_is_not_named(folders: tuple[Path, Path], tmp_path: Path) -> None:
     fit, held_out = folders
     out = tmp_path / "out"

@@ -10,12 +10,14 @@ from discrepancy import Explanation, explain
 from discrepancy.evidence.gain import pooled
 from discrepancy.joint import JointProblem
 from discrepancy.problem import Problem
-from discrepancy.recordings import check_different
+from discrepancy.recordings import Recordings, check_different
 from discrepancy.report.extended import extended_text
+from discrepancy.report.output import write_report
 from discrepancy.report.wording import key_text
 from discrepancy.search.carried import carried
 from discrepancy.verdict import Gain, to_json
 from messages.errors import UserError
+from tests.bench.html_page import read
 from tests.bench.late_sensor import DELAY, LateSensor, late_sensor
 
 SLOW = late_sensor([1.0], 1, offset_m=0.3)
@@ -77,8 +79,29 @@ def test_what_belongs_to_a_recording_has_a_value_for_each_and_is_fitted_elsewher
     assert there["offset_m"] == pytest.approx(1.0, abs=0.01)
 
 
-def test_recordings_that_disagree_are_told() -> None:
-    found = explain([SLOW, LATER], None, seed=1, names=("slow", "later")).verdict
+def test_the_report_tells_each_recording(both: Explanation, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    write_report(both, tmp_path)
+    text = read(tmp_path / "report.html")
+    for told in (
+        "Judged on recordings held out, to which no parameter that the recordings share was fitted.",
+        "Each recording by itself",
+        "elsewhere held out",
+        "delay: value slow 4.0",
+        "offset (fast)",
+        f"The held-out recording with the largest error left, {both.held_out_name}",
+    ):
+        assert told in text, told
+    assert "The recordings disagree" not in text
+
+
+def test_recordings_that_disagree_are_told(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    whole = explain([SLOW, LATER], None, seed=1, names=("slow", "later"))
+    write_report(whole, tmp_path)
+    assert "The recordings disagree: delay: value is" in read(tmp_path / "report.html")
+    assert any("left where this recording is fitted by itself" in reason for reason in whole.after.reasons)
+    found = whole.verdict
     assert len(found.disagreements) == 1
     assert found.disagreements[0].startswith("delay: value is ")
     assert "ms in slow, but 8.0" in found.disagreements[0]
@@ -135,6 +158,17 @@ def test_nothing_reaches_across_the_end_of_a_recording() -> None:
     joint.narrow(np.isfinite(lost))
     assert not parts[0].valid[:, :500].any()
     assert np.array_equal(joint.valid[:, 1000:], parts[1].valid)
+
+
+def test_recordings_with_the_same_inputs_tell_each_others_noise() -> None:
+    tones = (1.0, 1.371)  # whose sum does not repeat itself within a recording
+    first, second, third = (late_sensor(tones, seed) for seed in (1, 2, 3))
+    alone = late_sensor((1.0, 1.713), 4)
+    recordings = Recordings.of([first, alone, second], [third])
+    known = [part.noise for part in (*recordings.fit.parts, *recordings.held_out.parts)]
+    assert [noise.source if noise else None for noise in known] == ["repeats", None, "repeats", "repeats"]
+    assert recordings.fit.noise is None  # of one of them it is not known
+    assert recordings.fitted_names == ("recording 1", "recording 2", "recording 3")
 
 
 def test_a_gain_over_recordings_that_tell_nothing_is_nothing() -> None:
