@@ -19,6 +19,7 @@ _HEADING = """\
 # The extended model: the base model's own parameters and the effects that were found, each with its 95 % interval.
 # `gaiteyes explain simulate` loads it. A parameter that is not here has its neutral value.
 """
+_SEVERAL = "# What belongs to each recording has its value in the first one.\n"
 _TABLES = ("system", "parameters", "effects", "constructed")
 _TERM = ("port", "form", "signals", "formula", "constants")
 _FIELDS = ("value", "unit", "low", "high")
@@ -43,7 +44,8 @@ def extended_text(explanation: Explanation) -> str:
         if term.constants:
             lines += ["", f"[constructed.{term.name}.constants]"]
             lines += [f"{name} = {float(value)!r}" for name, value in term.constants.items()]
-    return _HEADING + "\n".join(lines) + "\n"
+    several = _SEVERAL if any(OF in name for name in verdict.parameters_after) else ""
+    return _HEADING + several + "\n".join(lines) + "\n"
 
 
 @dataclass(frozen=True)

@@ -73,6 +73,7 @@ def test_what_belongs_to_a_recording_has_a_value_for_each_and_is_fitted_elsewher
         assert own[key].low is not None
     assert key_text("offset_m@2", ["slow", "fast"]) == "offset (fast)"
     assert "@" not in extended_text(both)
+    assert "belongs to each recording has its value in the first one" in extended_text(both)
     there = carried(Problem(HELD_OUT), {"gain": 1.1, "delay.value_s": 0.004, "offset_m": 0.3, "offset_m@2": -2.0})
     assert set(there) == {"gain", "delay.value_s", "offset_m"}
     assert there["gain"] == 1.1
