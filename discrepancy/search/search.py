@@ -205,8 +205,10 @@ class Search:
         """Return the best proposal, finished, if its gain on `best` is more than chance gives; else None."""
         refits = self.refits
         proposals = [(fit, causes) for fit, causes in proposals if all(refits.matters(fit, each) for each in causes)]
-        ranked = sorted(proposals, key=lambda each: cost(each[0]))[:FINISHED]
-        finished = [(refits.finished(fit), causes) for fit, causes in ranked]
+        leading: dict[frozenset[str], Proposal] = {}
+        for fit, causes in sorted(proposals, key=lambda each: cost(each[0])):
+            leading.setdefault(frozenset(each.effect for each in causes), (fit, causes))
+        finished = [(refits.finished(fit), causes) for fit, causes in list(leading.values())[:FINISHED]]
         for fit, causes in simplest_first(best, finished, lambda each: each[0]):
             gain = (best.chi2 - fit.chi2) / inflation_of(at_base, causes, refits.library.base)
             pays = gain - (price(fit.keys) - price(best.keys)) > least

@@ -17,12 +17,16 @@ REFERENCE_DEGC: Final = 25.0
 """At which the bias by temperature is none: where data sheets state a bias."""
 _SEARCHED_S: Final = 0.5
 """Of lag, either way: the bound of a time offset."""
+_MOST_APART_S: Final = 0.05
+"""Of the delays of a chip's two sensors: its narrowest filters, 5 Hz, delay by 33 ms."""
 _TELLING_S: Final = 0.004
 """A lag beyond which the linear view from zero misleads."""
 _DRIFTING_S: Final = 30.0
 """Over which a drift is judged by the lag that it adds up to."""
 _CUT_OFFS_HZ: Final = (4.0, 12.0, 30.0)
 """Where fits of a low pass begin: below, within and at the end of what a limb's motion holds."""
+_SMOOTHED_HZ: Final = (20.0, 50.0)
+"""Where fits of a smoothed reference begin: within what a limb's motion holds, and beyond its end."""
 _MOUNTS_HZ: Final = (9.0, 14.0, 22.0, 40.0)
 """Resonances where fits of a mount begin, a factor of about 1.6 apart: a fit begun further off finds none."""
 _MOUNT_ZETA: Final = 0.25
@@ -72,7 +76,15 @@ class Facts:
 
 def library(facts: Facts) -> tuple[Effect, ...]:
     """Return all effects, with starts for one recording."""
-    return (*_clock(facts), *_gyroscope(), *_accelerometer(), *_seat(), *_dynamics(facts), _temperature(facts))
+    return (
+        *_clock(facts),
+        *_gyroscope(),
+        *_accelerometer(),
+        *_seat(),
+        *_reference(),
+        *_dynamics(facts),
+        _temperature(facts),
+    )
 
 
 def _clock(facts: Facts) -> Iterable[Effect]:
@@ -81,10 +93,16 @@ def _clock(facts: Facts) -> Iterable[Effect]:
     return (
         Effect(
             "time_offset",
-            (Parameter("value_s", "s", 0.0, -0.5, 0.5, 5e-5),),
-            "The IMU's stamps are late (positive) or early against the reference's by a constant time.",
-            "Subtract the offset from the IMU's stamps; trigger both by one hardware line.",
+            (
+                Parameter("value_s", "s", 0.0, -0.5, 0.5, 5e-5),
+                Parameter("acc_s", "s", 0.0, -_MOST_APART_S, _MOST_APART_S, 5e-5),
+            ),
+            "The IMU's stamps are late (positive) or early against the reference's by a constant time, the "
+            "accelerometer's by acc_s more than the gyroscope's: each has a filter of its own.",
+            "Subtract the offset from the IMU's stamps, and from each sensor's the delay of its filter, which the data "
+            "sheet states; trigger IMU and reference by one hardware line.",
             "Move faster: an offset errs with the rate of change of every channel, at all frequencies alike.",
+            choices=(("value_s",), ("acc_s",), ("value_s", "acc_s")),
             starts=({}, {"value_s": facts.lag_s}) if far else (),
         ),
         Effect(
@@ -196,6 +214,20 @@ def _seat() -> Iterable[Effect]:
             "Turn the readings back, or align the marker frame with the sensor's.",
             "Rest in two poses and turn about two axes: gyroscope and accelerometer err by the same rotation.",
             choices=_axes("{}_rad"),
+        ),
+    )
+
+
+def _reference() -> Iterable[Effect]:
+    return (
+        Effect(
+            "reference_smoothing",
+            (Parameter("cut_off_hz", "Hz", np.inf, 12.0, 500.0, 1.0),),
+            "The reference was smoothed or interpolated: fast motion is weaker in it than it was, and not later; −3 dB "
+            "at the cut-off.",
+            "Take the cameras' own frames before smoothing; derive rates and accelerations from them.",
+            "Shake fast: a smoothed reference falls short of both sensors alike, and by the square of the frequency.",
+            starts=tuple({"cut_off_hz": f_hz} for f_hz in _SMOOTHED_HZ),
         ),
     )
 

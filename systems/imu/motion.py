@@ -5,7 +5,6 @@ Technology, 2004, ch. 3):
 
     ω = vee(Rᵀ Ṙ) = 2 vec(q* ⊗ q̇) / |q|²                                                                          (1)
     f = Rᵀ (p̈ + g e_z)                                                                                            (2)
-    f at a lever arm r from p = f + (α× + ω× ω×) r                                                                 (3)
 
 Derivatives are those of splines of degree seven through the reference. Its noise grows with frequency in them, by f and
 by f²: measured and predicted alike pass a low pass that ends where the noise has buried the motion.
@@ -23,7 +22,7 @@ from messages.arrays import BoolArray, FloatArray
 from messages.constants import STANDARD_GRAVITY_MPS2
 from messages.errors import UserError
 from systems.imu.recording import LEAST_S, ImuRecording
-from systems.imu.smoothing import SETTLED_S, smoothing
+from systems.imu.smoothing import SETTLED_S, Smoothing, smoothing
 
 _DEGREE: Final = 7
 """Of the splines: two derivatives of a lower one fall short of the motion far below the reference's half rate."""
@@ -39,6 +38,8 @@ _SAME_RATE: Final = 0.05
 """Of a step of the reference: an IMU's that is longer than some of them by less is not divided once more."""
 _PASSED: Final = 0.4
 """Of the sample rate behind the low pass: what it leaves alone."""
+_MOST_OF_REFERENCE: Final = 0.3
+"""Of the reference's rate: splines of degree seven keep second derivatives to 1 % that far."""
 _HALF_WIDTH: Final = 13
 """Of the low pass's impulse response, in samples behind it."""
 _KAISER_BETA: Final = 5.0
@@ -57,31 +58,35 @@ END_S: Final = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """Measured and ideal readings at the uniform stamps `t_s` (n,), the motion's content reaching to `band_hz`.
+    """Measured and ideal readings at the uniform stamps `t_s` (n,).
 
-    `measured` (n, 6) is gyroscope before accelerometer, NaN at gaps and ends; `ideal` (n, 6) is (1) and (2) with all
-    noise of the reference. Freed of most of it (systems.imu.smoothing) are `w` (n, 3) of (1), `free` (n, 3),
-    Rᵀ p̈, and `up` (n, 3), Rᵀ e_z, of (2) and `lever` (n, 3, 3), the matrix of (3), and of nearly all `inputs` (n, 6),
-    (1) and (2). `start_s` is the first stamp of the IMU, `most` the greatest raw reading of either sensor, rad/s and
-    m/s², and `pinned` whether readings pile up exactly there. `fold` samples of the IMU make one, and `taps` are the
-    low pass at the IMU's rate.
+    `measured` (n, 6) is gyroscope before accelerometer, NaN at gaps and ends, `read` the same without NaN; `ideal`
+    (n, 6) is (1) and (2) with all noise of the reference, `whole` the same with what was read in its gaps, and `up`
+    (n, 3) Rᵀ e_z of (2). `inputs` (n, 6) are (1) and (2) freed of nearly all noise, `smooth` tells how much of the rest
+    is motion (systems.imu.smoothing). `start_s` is the first stamp of the IMU, `most` the greatest raw reading of
+    either sensor, rad/s and m/s², and `pinned` whether readings pile up exactly there. `fold` samples of the IMU make
+    one, and `taps` are the low pass at the IMU's rate.
     """
 
     t_s: FloatArray
     measured: FloatArray
+    read: FloatArray
     ideal: FloatArray
-    w: FloatArray
-    free: FloatArray
+    whole: FloatArray
     up: FloatArray
-    lever: FloatArray
     inputs: FloatArray
     temperature_degC: FloatArray | None
     start_s: float
     most: tuple[float, float]
     pinned: tuple[bool, bool]
-    band_hz: float
+    smooth: Smoothing
     fold: int
     taps: FloatArray
+
+    @property
+    def band_hz(self) -> float:
+        """Return to where the motion's content reaches."""
+        return self.smooth.band_hz
 
     def low_passed(self, fine: FloatArray) -> FloatArray:
         """Return (n, c) of what stands at the IMU's rate, `fold` n samples."""
@@ -103,7 +108,7 @@ def reading_of(recording: ImuRecording) -> Reading:
     grid_s = _grid_s(recording, step_s)
     dense = max(1, int(np.ceil(step_s / reference_step_s - _SAME_RATE)))
     dense_s = grid_s[0] + step_s / dense * np.arange(dense * (len(grid_s) - 1) + 1)
-    w, alpha, seen_q, R = _turning(recording, dense_s)
+    w, seen_q, R = _turning(recording, dense_s)
     acceleration, seen_p = _moving(recording, dense_s)
     seen = np.column_stack((seen_q, seen_q & seen_p))
     free = np.einsum("nij,ni->nj", R, acceleration)
@@ -112,9 +117,15 @@ def reading_of(recording: ImuRecording) -> Reading:
     measured = _on_grid(recording.t_s, np.hstack((recording.w_radps, recording.sf_mps2)), grid_s, step_s)
     lost_q, lost_p = _dilated(~seen, dense * int(np.ceil(GUARD_S / step_s))).T
     w_whole = _filled(w, lost_q, measured[:, :3], dense)
-    alpha_whole = _filled(alpha, lost_q, np.gradient(measured[:, :3], step_s, axis=0), dense)
     free_whole = _filled(free, lost_p, measured[:, 3:] - STANDARD_GRAVITY_MPS2 * R[::dense, 2], dense)
-    smooth = smoothing(w, sf, seen, dense / step_s, 1.0 / reference_step_s, most_hz)
+    thin = _low_pass_taps(dense) if dense > 1 else np.ones(1)
+    smooth = smoothing(
+        (_low_passed(w, thin, dense), _low_passed(sf, thin, dense)),
+        (measured[:, :3], measured[:, 3:]),
+        seen[::dense],
+        1.0 / step_s,
+        min(most_hz, _MOST_OF_REFERENCE / reference_step_s),
+    )
     fold = max(1, int(most_hz / smooth.band_hz))
     kept = dense * fold
     taps = np.ones(1) if fold == 1 else _low_pass_taps(fold)
@@ -129,21 +140,22 @@ def reading_of(recording: ImuRecording) -> Reading:
     degC = recording.temperature_degC
     if degC is not None:
         degC = _low_passed(np.interp(grid_s, recording.t_s, degC)[:, None], taps, fold)[:, 0]
-    lever = (_skew(alpha_whole) + _skew(w_whole) @ _skew(w_whole)).reshape(-1, 9)
+    fold_taps = _low_pass_taps(kept) if kept > 1 else taps
+    whole = np.hstack((w_whole, free_whole + STANDARD_GRAVITY_MPS2 * R[:, 2], R[:, 2]))
+    whole = _low_passed(whole, fold_taps, kept)
     return Reading(
         t_s=grid_s[::fold],
         measured=np.where(masked, np.nan, _low_passed(measured, taps, fold)),
-        ideal=_low_passed(np.hstack((w, sf)), _low_pass_taps(kept) if kept > 1 else taps, kept),
-        w=smooth.turning(w_whole)[::kept],
-        free=smooth.force(free_whole)[::kept],
-        up=smooth.force(R[:, 2])[::kept],
-        lever=smooth.turning(lever)[::kept].reshape(-1, 3, 3),
-        inputs=smooth.inputs(w_whole, free_whole + STANDARD_GRAVITY_MPS2 * R[:, 2])[::kept],
+        read=_low_passed(measured, taps, fold),
+        ideal=_low_passed(np.hstack((w, sf)), fold_taps, kept),
+        whole=whole[:, :6],
+        up=whole[:, 6:],
+        inputs=smooth.inputs(w_whole[::dense], (free_whole + STANDARD_GRAVITY_MPS2 * R[:, 2])[::dense])[::fold],
         temperature_degC=degC,
         start_s=float(recording.t_s[0]),
         most=(float(np.abs(recording.w_radps).max()), float(np.abs(recording.sf_mps2).max())),
         pinned=(_is_pinned(recording.w_radps), _is_pinned(recording.sf_mps2)),
-        band_hz=smooth.band_hz,
+        smooth=smooth,
         fold=fold,
         taps=taps,
     )
@@ -180,17 +192,16 @@ def _is_pinned(values: FloatArray) -> bool:
     return int((size > size.max() * (1.0 - _PINNED_WITHIN)).sum()) >= _PINNED
 
 
-def _turning(recording: ImuRecording, grid_s: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray]:
-    """Return (1), its derivative (n, 3), where the cameras saw it, and R_WS (n, 3, 3)."""
+def _turning(recording: ImuRecording, grid_s: FloatArray) -> tuple[FloatArray, BoolArray, FloatArray]:
+    """Return (1), (n, 3), where the cameras saw it, and R_WS (n, 3, 3)."""
     seen = np.asarray(np.isfinite(recording.q_WS).all(axis=1))
     q = recording.q_WS[seen]
     flips = np.concatenate(([1.0], np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))))
     spline = _spline(recording.reference_t_s[seen], q * flips[:, None], _DEGREE)
-    q, dq, ddq = (spline(grid_s, nu) for nu in range(3))
+    q, dq = spline(grid_s), spline(grid_s, 1)
     square = (q * q).sum(axis=1, keepdims=True)
     w = 2.0 * _vec_of_product(q, dq) / square
-    alpha = 2.0 * _vec_of_product(q, ddq) / square - w * 2.0 * (q * dq).sum(axis=1, keepdims=True) / square
-    return w, alpha, _there(recording.reference_t_s, seen, grid_s), _matrices(q / np.sqrt(square))
+    return w, _there(recording.reference_t_s, seen, grid_s), _matrices(q / np.sqrt(square))
 
 
 def _moving(recording: ImuRecording, grid_s: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -278,10 +289,3 @@ def _matrices(q: FloatArray) -> FloatArray:
         (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
     )
     return np.moveaxis(np.array(rows), 2, 0)
-
-
-def _skew(v: FloatArray) -> FloatArray:
-    """Return [v]× (n, 3, 3) of vectors (n, 3)."""
-    x, y, z = v.T
-    zero = np.zeros_like(x)
-    return np.moveaxis(np.array(((zero, -z, y), (z, zero, -x), (-y, x, zero))), 2, 0)

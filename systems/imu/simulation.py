@@ -9,10 +9,16 @@ The chain, in the order in which it happens (all neutral leaves the first line a
     f ← N f + c                                              accelerometer                                        (5)
     ω, f ← H ω, H f                                          low pass of second order                             (6)
     ω, f ← clipped at ± a limit                                                                                   (7)
-    stamp = t + τ + ρ (t − t0)                               the IMU's clock against the reference's              (8)
+    stamp = t + τ + ρ (t − t0), for f by τf more             the IMU's clock against the reference's              (8)
 
-Constant matrices commute with the low pass that measured and predicted share; (3) and (6) act in frequency. All act on
-the motion that stands above the reference's noise, and what they change is added to the ideal reading with all noise.
+Before (1) the motion is made as much sharper as the reference was smoothed, by √2 at its cut-off. Constant matrices
+commute with the low pass that measured and predicted share; what is linear acts on the bins of a spectrum. All act on a
+motion x̂ without the reference's noise, and what they change is added to the ideal reading with all noise:
+
+    predicted = ideal + T x̂ − x̂,  x̂ = W ideal + (B − W) T⁻¹ read                                                  (9)
+
+T being the chain, W and B those of systems.imu.smoothing. Were x̂ the reference alone, smoothing its noise would pass
+for a filter of the sensor, and a delay for less than it is.
 """
 
 from dataclasses import dataclass
@@ -20,23 +26,20 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from scipy import fft
 
 from discrepancy.simulation import Channels, Effect, Parameter, Values
 from messages.arrays import BoolArray, ComplexArray, FloatArray
 from messages.constants import STANDARD_GRAVITY_MPS2
-from perception import so3
-from systems.imu.effects import AXES, REFERENCE_DEGC, Facts, library
+from systems.imu.chain import Chain, vector
+from systems.imu.effects import REFERENCE_DEGC, Facts, library
 from systems.imu.motion import Reading
+from systems.imu.periodic import Periodic
 from systems.imu.recording import SF_COLUMNS, W_COLUMNS
 
 _INPUT_NAMES: Final[tuple[str, ...]] = ("wx_radps", "wy_radps", "wz_radps", "fx_mps2", "fy_mps2", "fz_mps2")
-_BLEND_S: Final = 1.0
-"""Length of the bridge from a record's end to its beginning, which makes it periodic."""
-_FINER: Final = 4
-"""Times the sample rate at which a cubic between samples is exact enough for a late stamp."""
-_MOST_LATE: Final = 0.2
-"""Of the record, before its first and after its last sample: a fit may try stamps that far off, and no further."""
+_LOUD_ENOUGH: Final = 0.3
+"""Of a filter's response: where less has passed, the IMU's noise would be raised with the motion, and the reference
+tells it better."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,140 +71,143 @@ class ImuSimulation:
 
     def predicted(self, values: Values) -> FloatArray:
         """Return (1) to (8), (n, 6), behind the shared low pass; NaN where nothing was measured."""
-        read = self.reading
-        told = self._read(values)
-        offset_s, rate = values["time_offset.value_s"], values["clock_drift.rate"]
-        if offset_s or rate:
-            since_s = read.t_s - read.start_s
-            told = self._at(told, since_s - (since_s - offset_s) / (1.0 + rate))
-        y = read.ideal + (told - self._still)
-        return np.where(self._masked, np.nan, y)
+        chain = Chain.of(values, self._periodic.f_hz)
+        beside = self._beside(values)
+        motion = self._motion(values, chain, beside)
+        change = self._periodic.samples(self._told(values, chain, beside, motion) - motion)
+        return np.where(self._masked, np.nan, self.reading.ideal + change)
 
-    def _read(self, values: Values) -> FloatArray:
-        """Return (1) to (7), (n, 6), of the motion without most of the reference's noise."""
-        read = self.reading
-        w, sf = read.w, read.free + values["gravity_magnitude.value_mps2"] * read.up
-        if (arm_m := _vector(values, "lever_arm.{}_m")).any():
-            sf = sf + read.lever @ arm_m
-        if (turn_rad := _vector(values, "frame_rotation.{}_rad")).any():
-            E = so3.exp(turn_rad)
-            w, sf = w @ E.T, sf @ E.T
-        if np.isfinite(mount_hz := _vector(values, "vibration.{}_hz")).any():
-            sf = self._filtered(sf, self._vibration(mount_hz, values["vibration.zeta"]))
-        M = _sensitivity(values, "gyro_scale", "gyro_misalignment")
-        N = _sensitivity(values, "acc_scale", "acc_misalignment")
-        gyroscope = w @ M.T + _vector(values, "gyro_bias.{}_radps")
-        if (G := _square(values, "g_sensitivity")).any():
-            gyroscope = gyroscope + sf @ G.T
-        if (drift_radps2 := _vector(values, "gyro_bias_drift.{}_radps2")).any():
-            gyroscope = gyroscope + np.outer(read.t_s - read.start_s, drift_radps2)
-        rise, since = self._warmth
-        if (per_rise := _vector(values, rise)).any():
-            gyroscope = gyroscope + np.outer(since, per_rise)
-        accelerometer = sf @ N.T + _vector(values, "acc_bias.{}_mps2")
-        y = np.hstack((gyroscope, accelerometer))
-        cut_off_hz = np.array((values["low_pass.gyro_hz"], values["low_pass.acc_hz"]))
-        if np.isfinite(cut_off_hz).any():
-            y = self._filtered(y, self._low_pass(cut_off_hz, values["low_pass.zeta"]))
+    def _told(self, values: Values, chain: Chain, beside: ComplexArray | None, motion: ComplexArray) -> ComplexArray:
+        """Return (2) to (8) on a motion whose ideal readings are `motion`, both as bins (k, 6)."""
+        told = self._unlimited(values, chain, beside, motion)
+        told = told + self._cut_off(values, told)
+        if rate := values["clock_drift.rate"]:
+            told = self._periodic.bins(self._periodic.at(told, self._since_s * rate / (1.0 + rate)))
+        return told
+
+    def _unlimited(
+        self, values: Values, chain: Chain, beside: ComplexArray | None, motion: ComplexArray
+    ) -> ComplexArray:
+        """Return (2) to (6), with the constant delays of (8), as bins (k, 6)."""
+        told = motion * chain.sharpened
+        if beside is not None:
+            told = np.hstack((told[:, :3], told[:, 3:] + beside))
+        return self._with_offsets(values, chain.on_motion(told), 1.0) * chain.filter
+
+    def _cut_off(self, values: Values, told: ComplexArray) -> ComplexArray | float:
+        """Return what (7) adds to what is `told`, as bins (k, 6)."""
         limits = np.repeat((values["clipping.gyro_radps"], values["clipping.acc_mps2"]), 3)
-        if (np.abs(y) > limits).any():
-            fine = read.fine(y)
-            y = y + read.low_passed(np.clip(fine, -limits, limits) - fine)
-        return y
+        if not np.isfinite(limits).any():
+            return 0.0
+        y = self._periodic.samples(told)
+        if not (np.abs(y) > limits).any():
+            return 0.0
+        fine = self.reading.fine(y)
+        return self._periodic.bins(self.reading.low_passed(np.clip(fine, -limits, limits) - fine))
 
-    @cached_property
-    def _warmth(self) -> tuple[str, FloatArray]:
-        """Return the keys of k in (4) and what it is multiplied with (n,): without a log, a steady rise."""
-        read = self.reading
-        if read.temperature_degC is None:
-            return "temperature.{}_radps2", read.t_s - read.start_s
-        return "temperature.{}_radps_per_degC", read.temperature_degC - REFERENCE_DEGC
+    def _motion(self, values: Values, chain: Chain, beside: ComplexArray | None) -> ComplexArray:
+        """Return the ideal readings of the motion as bins (k, 6): as the reference tells them where its noise is low,
+        elsewhere as what was read tells them when (2) to (8) are undone.
+        """
+        undone = self._read
+        if rate := values["clock_drift.rate"]:
+            undone = self._periodic.bins(self._periodic.at(undone, -rate * self._since_s))
+        if np.isfinite(values["clipping.gyro_radps"]) or np.isfinite(values["clipping.acc_mps2"]):
+            undone = undone - self._cut_off(values, self._unlimited(values, chain, beside, self._seen * self._whole))
+        undone = chain.off_motion(self._with_offsets(values, undone / chain.filter, -1.0))
+        if beside is not None:
+            undone = np.hstack((undone[:, :3], undone[:, 3:] - beside))
+        loud = np.minimum(1.0, (chain.passed / _LOUD_ENOUGH) ** 2)
+        return self._by_reference * self._whole + (self._rest * loud / chain.sharpened) * undone
 
-    def _vibration(self, mount_hz: FloatArray, zeta: float) -> ComplexArray:
-        """Return V of (3) at the bins, (k, 3)."""
-        s_over_w0 = 1j * self._f_hz[:, None] * (1.0 / mount_hz)
-        damping = 2.0 * zeta * s_over_w0
-        found: ComplexArray = (1.0 + damping) / (1.0 + damping + s_over_w0**2)
+    def _beside(self, values: Values) -> ComplexArray | None:
+        """Return what lever arm and gravity add to the specific force of (1), as bins (k, 3); None for nothing."""
+        arm_m = vector(values, "lever_arm.{}_m")
+        more_mps2 = values["gravity_magnitude.value_mps2"] - STANDARD_GRAVITY_MPS2
+        if not arm_m.any() and not more_mps2:
+            return None
+        found: ComplexArray = self._lever @ arm_m + more_mps2 * self._up
         return found
 
-    def _low_pass(self, cut_off_hz: FloatArray, zeta: float) -> ComplexArray:
-        """Return H of (6) at the bins, (k, 6): second order, −3 dB at the cut-offs (2,), whatever the damping."""
-        lean = 2.0 * zeta**2 - 1.0
-        w0_over_w3 = np.sqrt(lean + np.sqrt(lean**2 + 1.0))
-        w3 = np.repeat(cut_off_hz, 3)
-        s_over_w0 = 1j * self._f_hz[:, None] * (1.0 / (w3 * w0_over_w3))
-        found: ComplexArray = 1.0 / (1.0 + 2.0 * zeta * s_over_w0 + s_over_w0**2)
-        return found
+    def _with_offsets(self, values: Values, told: ComplexArray, sign: float) -> ComplexArray:
+        """Return bins (k, 6) with biases and their drifts, added or with the `sign` −1 taken away."""
+        bias = np.concatenate((vector(values, "gyro_bias.{}_radps"), vector(values, "acc_bias.{}_mps2")))
+        rise, since = self._warmth
+        slopes = np.array((vector(values, "gyro_bias_drift.{}_radps2"), vector(values, rise)))
+        if slopes.any():
+            told = np.hstack((told[:, :3] + sign * since @ slopes, told[:, 3:]))
+        elif bias.any():
+            told = told.copy()
+        if bias.any():
+            told[0] += sign * self._periodic.constant(bias)
+        return told
 
     @cached_property
-    def _still(self) -> FloatArray:
-        """Return (1) of the motion without most of the reference's noise, all neutral: (n, 6)."""
-        return np.hstack((self.reading.w, self.reading.free + STANDARD_GRAVITY_MPS2 * self.reading.up))
+    def _warmth(self) -> tuple[str, ComplexArray]:
+        """Return the keys of k in (4), and as bins (k, 2) the time since t0 and what k is multiplied with: without a
+        log, that time as well.
+        """
+        degC, since_s = self.reading.temperature_degC, self._since_s
+        if degC is None:
+            return "temperature.{}_radps2", self._periodic.bins(np.column_stack((since_s, since_s)))
+        warmer = np.column_stack((since_s, degC - REFERENCE_DEGC))
+        return "temperature.{}_radps_per_degC", self._periodic.bins(warmer)
+
+    @cached_property
+    def _periodic(self) -> Periodic:
+        return Periodic(len(self.reading.t_s), self.channels.rate_hz)
+
+    @cached_property
+    def _since_s(self) -> FloatArray:
+        """Return the time (n,) since t0."""
+        return self.reading.t_s - self.reading.start_s
+
+    @cached_property
+    def _whole(self) -> ComplexArray:
+        """Return (1) at neutral values as the reference tells it, as bins (k, 6)."""
+        return self._periodic.bins(self.reading.whole)
+
+    @cached_property
+    def _read(self) -> ComplexArray:
+        """Return what was read, as bins (k, 6)."""
+        return self._periodic.bins(self.reading.read)
+
+    @cached_property
+    def _by_reference(self) -> FloatArray:
+        """Return the share (k, 6) of the motion that the reference tells best."""
+        return self.reading.smooth.by_reference(self._periodic.f_hz)
+
+    @cached_property
+    def _seen(self) -> FloatArray:
+        """Return the share (k, 6) of the motion that the reference tells at all."""
+        return self.reading.smooth.seen(self._periodic.f_hz)
+
+    @cached_property
+    def _rest(self) -> FloatArray:
+        """Return the share (k, 6) of the motion that the IMU tells better than the reference."""
+        return self._seen - self._by_reference
+
+    @cached_property
+    def _up(self) -> ComplexArray:
+        return self._periodic.bins(self.reading.up)
+
+    @cached_property
+    def _lever(self) -> ComplexArray:
+        """Return α× + ω× ω× of (1) as bins (k, 3, 3), from the turning rate that reference and gyroscope tell."""
+        w_bins = (self._by_reference * self._whole + self._rest * self._read)[:, :3]
+        w, alpha = (
+            self._periodic.samples(each) for each in (w_bins, 2j * np.pi * self._periodic.f_hz[:, None] * w_bins)
+        )
+        lever = _skew(alpha) + _skew(w) @ _skew(w)
+        return self._periodic.bins(lever.reshape(-1, 9)).reshape(-1, 3, 3)
 
     @cached_property
     def _masked(self) -> BoolArray:
         return np.isnan(self.reading.measured)
 
-    @cached_property
-    def _length(self) -> int:
-        """Return the samples of the record made periodic."""
-        rate_hz = self.channels.rate_hz
-        return int(fft.next_fast_len(len(self.reading.t_s) + round(_BLEND_S * rate_hz), real=True))
 
-    @cached_property
-    def _f_hz(self) -> FloatArray:
-        return np.asarray(np.fft.rfftfreq(self._length, 1.0 / self.channels.rate_hz), dtype=np.float64)
-
-    def _bins(self, y: FloatArray) -> ComplexArray:
-        """Return the spectrum (k, c) of the record, bridged from its end to its beginning by reflections of both."""
-        count = self._length - len(y)
-        share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, count + 1)[:, None] / (count + 1))
-        after = 2.0 * y[-1] - y[-2 : -count - 2 : -1]
-        before = 2.0 * y[0] - y[count:0:-1]
-        bins: ComplexArray = fft.rfft(np.concatenate((y, after + share * (before - after))), axis=0)
-        return bins
-
-    def _filtered(self, y: FloatArray, response: ComplexArray) -> FloatArray:
-        found: FloatArray = fft.irfft(self._bins(y) * response, self._length, axis=0)[: len(y)]
-        return found
-
-    def _at(self, y: FloatArray, late_s: FloatArray) -> FloatArray:
-        """Return y (n, c) as it was `late_s` (n,) before each sample: cubic between samples four times as dense."""
-        n, length = len(y), self._length
-        fine = _FINER * fft.irfft(self._bins(y), _FINER * length, axis=0)
-        place = _FINER * np.clip(np.arange(n) - late_s * self.channels.rate_hz, -_MOST_LATE * n, (1.0 + _MOST_LATE) * n)
-        below = np.floor(place).astype(np.int64)
-        u = (place - below)[:, None]
-        weights = (
-            -u * (u - 1.0) * (u - 2.0) / 6.0,
-            (u + 1.0) * (u - 1.0) * (u - 2.0) / 2.0,
-            -(u + 1.0) * u * (u - 2.0) / 2.0,
-            (u + 1.0) * u * (u - 1.0) / 6.0,
-        )
-        found: FloatArray = sum(  # type: ignore[assignment]
-            weight * fine[(below + k) % len(fine)] for weight, k in zip(weights, (-1, 0, 1, 2), strict=True)
-        )
-        return found
-
-
-def _vector(values: Values, form: str) -> FloatArray:
-    """Return the parameters (3,) of the three axes."""
-    return np.array([values[form.format(axis)] for axis in AXES])
-
-
-def _square(values: Values, effect: str) -> FloatArray:
-    """Return the parameters xx, xy, … (3, 3): row reads, column acts."""
-    return np.array([[values[f"{effect}.{row}{column}"] for column in AXES] for row in AXES])
-
-
-def _sensitivity(values: Values, scale: str, misalignment: str) -> FloatArray:
-    """Return the sensitivity (3, 3) of a sensor."""
-    return np.array(
-        [
-            [
-                1.0 + values[f"{scale}.{row}"] if row == column else values[f"{misalignment}.{row}{column}"]
-                for column in AXES
-            ]
-            for row in AXES
-        ]
-    )
+def _skew(v: FloatArray) -> FloatArray:
+    """Return [v]× (n, 3, 3) of vectors (n, 3)."""
+    x, y, z = v.T
+    zero = np.zeros_like(x)
+    return np.moveaxis(np.array(((zero, -z, y), (z, zero, -x), (-y, x, zero))), 2, 0)
