@@ -218,6 +218,7 @@ class Part:
             all_.input_names,
             all_.noise_std,
             all_.tolerance,
+            all_.shared_noise,
         )
 
     @property

@@ -114,6 +114,9 @@ class Channels:
     """(c,) standard deviation of one sample of measured minus predicted under the right model, where it is known."""
     tolerance: FloatArray | None = field(default=None)
     """(c,) root mean square of measured minus predicted that is good enough, where less need not be explained."""
+    shared_noise: bool = False
+    """Whether predictions carry a noise that the residual carries too, as a differentiated reference does: functions of
+    predictions would find that noise, so that only those of the inputs, which must be free of it, are searched with."""
 
     @property
     def rate_hz(self) -> float:

@@ -93,7 +93,7 @@ class Probe:
         self._problem = problem
         self._c, self._n = problem.c, problem.n
         inputs = np.ascontiguousarray(problem.channels.inputs.T)
-        finite = np.where(np.isfinite(predicted), predicted, np.nan)
+        finite = np.where(np.isfinite(predicted) & (not problem.channels.shared_noise), predicted, np.nan)
         inputs = inputs.reshape(-1, self._n)
         groups = features(inputs, finite)
         self._reach = min(white.reach, self._n - 1)

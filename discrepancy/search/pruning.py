@@ -9,7 +9,7 @@ import numpy as np
 
 from discrepancy.evidence.adequacy import LEVEL
 from discrepancy.problem import Problem
-from discrepancy.search.candidates import Candidate
+from discrepancy.search.candidates import Candidate, noise_beneath
 from discrepancy.search.carried import carried
 from discrepancy.search.fit import Fit, Intervals, columns_of, intervals
 from discrepancy.search.search import Found, Search
@@ -84,18 +84,20 @@ def deciding(problem: Problem, fit: Fit, name: str) -> list[str]:
 def _elsewhere_false(other: Problem, search: Search, best: Fit, causes: tuple[Candidate, ...]) -> list[str]:
     """Return those of several causes, the most useless last, that do not pay on the recording held out.
 
-    Each is held against the fit without it, both frozen, both under the noise that their own residuals tell: the noise
-    of either would favour it. But what is louder without it than the declared noise is none: a filter would take a
-    constant error for slow noise.
+    Each is held against the fit without it, both frozen, both under the noise beneath the whole library: that of a fit's
+    own residual would favour it, and a filter would take a constant error for slow noise.
     """
     named = {each.effect: each for each in causes}
     if len(named) < 2:
         return []
-    told = _minus_2_log_likelihood(other, best)
+    values = carried(other, best.values)
+    residual = other.residual(values)
+    white = noise_beneath(other, residual, columns_of(other, values, _smooth_keys(other, best)))
+    told = float(np.sum(white(residual) ** 2))
     useless: list[tuple[float, str]] = []
     for name, cause in named.items():
         without = search.without(best, cause)
-        rise = _minus_2_log_likelihood(other, without) - told
+        rise = float(np.sum(white(other.residual(carried(other, without.values))) ** 2)) - told
         if rise < _CHANCE * (len(best.keys) - len(without.keys)) and not louder(other, without, best):
             useless.append((rise, name))
     return [name for _, name in sorted(useless, reverse=True)]
@@ -117,7 +119,8 @@ def louder(other: Problem, without: Fit, best: Fit) -> bool:
     return False
 
 
-def _minus_2_log_likelihood(other: Problem, fit: Fit) -> float:
-    residual = other.residual(carried(other, fit.values))
-    white = other.whitening(residual)
-    return white.log_det + float(np.sum(white(residual) ** 2))
+def _smooth_keys(other: Problem, best: Fit) -> list[str]:
+    """Return the parameters that have a derivative where a fit is: those that were fitted, and all of finite neutral
+    values.
+    """
+    return [key for key in other.parameters if key in best.values or isfinite(other.parameters[key].neutral)]

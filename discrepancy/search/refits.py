@@ -116,9 +116,12 @@ class Refits:
 
     def without(self, best: Fit, cause: Candidate) -> Fit:
         """Return the fit without one cause."""
-        keys = tuple(key for key in best.keys if key.split(".")[0] != cause.effect)
-        values = {key: value for key, value in best.values.items() if key.split(".")[0] != cause.effect}
-        return self._fitter.fit(values, keys)
+        asked = (tuple(best.values.items()), best.keys, cause.effect)
+        if asked not in self._withouts:
+            keys = tuple(key for key in best.keys if key.split(".")[0] != cause.effect)
+            values = {key: value for key, value in best.values.items() if key.split(".")[0] != cause.effect}
+            self._withouts[asked] = self._fitter.fit(values, keys)
+        return self._withouts[asked]
 
     def rated(self, fit: Fit) -> Fit:
         """Return a fit with its χ² under the present whitening."""
@@ -131,7 +134,7 @@ class Refits:
         found = self.products(fit)
         drop = self.drops(found, [(each,) for each in candidates], fit)
         worth = drop - np.array([price(each.keys) for each in candidates])
-        return [(candidates[k], float(drop[k])) for k in np.argsort(-worth)]
+        return [(candidates[k], float(drop[k])) for k in np.argsort(-worth, kind="stable")]
 
     def wider(self, causes: tuple[Candidate, ...]) -> list[Candidate]:
         """Return what further choices of the causes' effects would add to them."""
@@ -220,6 +223,7 @@ class Refits:
 
     def _use(self, white: White) -> None:
         self.white = white
+        self._withouts: dict[tuple[object, ...], Fit] = {}  # the same is asked by swaps, pruning and look-alikes
         self._stack = self.library.whitened(white)
         self._fitter = Fitter(self._problem, white, self.base_columns)
 

@@ -42,19 +42,20 @@ def change(planted: TrueCause, before: Told, after: Told, same_causes: Mapping[s
     fitted to the recording before.
     """
     told_before = {cause.name: cause for cause in _causes(before)}
-    told = next((cause for cause in _causes(after) if cause.name == planted.name), None)
     by_likeness = [cause for cause in _causes(after) if planted.name in names(cause)]
-    there = told_before.get(planted.name)
+    told = next((cause for cause in by_likeness if set(planted.parameters) <= set(cause.parameters)), None)
+    name = planted.name if told is None else told.name
+    there = told_before.get(name)
     own_before = {} if there is None else {name: q.value for name, q in there.parameters.items() if q.value is not None}
     like_before = {
-        key.split(".", 1)[1]: value for key, value in same_causes.items() if key.split(".", 1)[0] == planted.name
+        key.split(".", 1)[1]: value for key, value in same_causes.items() if key.split(".", 1)[0] == name
     }
     in_interval = told is not None and _holds(planted, told, own_before)
     like_for_like = told is not None and _holds(planted, told, like_before)
     anew = [cause for cause in by_likeness if cause.name not in told_before and planted.name not in told_before]
     return Change(
         named=bool(anew) or in_interval or like_for_like,
-        own_name=told is not None,
+        own_name=name == planted.name and told is not None,
         in_interval=in_interval,
         like_for_like=like_for_like,
         beside=tuple(cause.name for cause in _causes(after) if cause.name not in {*told_before, planted.name}),

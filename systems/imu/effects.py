@@ -27,6 +27,9 @@ _CUT_OFFS_HZ: Final = (4.0, 12.0, 30.0)
 """Where fits of a low pass begin: below, within and at the end of what a limb's motion holds."""
 _SMOOTHED_HZ: Final = (20.0, 50.0)
 """Where fits of a smoothed reference begin: within what a limb's motion holds, and beyond its end."""
+_LEAST_DAMPING: Final = 0.6
+"""Of a low pass: filters of sensors are Butterworth's, 0.71, Bessel's, 0.87, or slower; less damping raises what is
+fast, which is another effect."""
 _MOUNTS_HZ: Final = (9.0, 14.0, 22.0, 40.0)
 """Resonances where fits of a mount begin, a factor of about 1.6 apart: a fit begun further off finds none."""
 _MOUNT_ZETA: Final = 0.25
@@ -241,7 +244,7 @@ def _dynamics(facts: Facts) -> Iterable[Effect]:
             (
                 Parameter("gyro_hz", "Hz", np.inf, 0.5, 500.0, 0.2),
                 Parameter("acc_hz", "Hz", np.inf, 0.5, 500.0, 0.2),
-                Parameter("zeta", "1", float(np.sqrt(0.5)), 0.3, 3.0, 0.05),
+                Parameter("zeta", "1", float(np.sqrt(0.5)), _LEAST_DAMPING, 3.0, 0.05),
             ),
             "A low pass in the sensor weakens and delays what is fast; −3 dB at the cut-off.",
             "Choose a wider filter of the chip, or undo its delay.",

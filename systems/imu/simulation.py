@@ -61,7 +61,8 @@ class ImuSimulation:
                 np.column_stack((inputs, reading.temperature_degC)),
                 (*_INPUT_NAMES, "temperature_degC"),
             )
-        channels = Channels(reading.t_s, reading.measured, (*W_COLUMNS, *SF_COLUMNS), inputs, input_names)
+        names = (*W_COLUMNS, *SF_COLUMNS)
+        channels = Channels(reading.t_s, reading.measured, names, inputs, input_names, shared_noise=True)
         return ImuSimulation(reading, channels, library(Facts.of(reading)))
 
     @property
