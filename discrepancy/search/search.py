@@ -225,8 +225,9 @@ class Search:
 
     def _swapped(self, best: Fit, causes: tuple[Candidate, ...]) -> Proposal:
         """Return the causes, each replaced by a rival that fits better."""
-        for place, candidate, fit in self.rivals(best, causes, _SWAPS):
-            swapped = tuple(candidate if k == place else each for k, each in enumerate(causes))
+        begun = causes
+        for place, candidate, fit in self.rivals(best, begun, _SWAPS):
+            swapped = tuple(candidate if k == place else each for k, each in enumerate(begun))
             if cost(fit) < cost(best) and not self.refits.cancel(fit, swapped):
                 best, causes = fit, swapped
         return best, causes

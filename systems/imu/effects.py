@@ -25,6 +25,8 @@ _DRIFTING_S: Final = 30.0
 """Over which a drift is judged by the lag that it adds up to."""
 _CUT_OFFS_HZ: Final = (4.0, 12.0, 30.0)
 """Where fits of a low pass begin: below, within and at the end of what a limb's motion holds."""
+_MOST_TILT_RAD: Final = 0.3
+"""Of the reference's world: a frame laid on a floor by eye leans less."""
 _SMOOTHED_HZ: Final = (20.0, 50.0)
 """Where fits of a smoothed reference begin: within what a limb's motion holds, and beyond its end."""
 _LEAST_DAMPING: Final = 0.6
@@ -223,6 +225,17 @@ def _seat() -> Iterable[Effect]:
 
 def _reference() -> Iterable[Effect]:
     return (
+        Effect(
+            "world_tilt",
+            (
+                Parameter("x_rad", "rad", 0.0, -_MOST_TILT_RAD, _MOST_TILT_RAD, 4e-4),
+                Parameter("y_rad", "rad", 0.0, -_MOST_TILT_RAD, _MOST_TILT_RAD, 4e-4),
+            ),
+            "The reference's world is not level: the true vertical is its z axis turned by this about its x and y.",
+            "Level the frame that the cameras were given, or turn the reference by what a pendulum or a liquid shows.",
+            "Rest in several headings: a tilt of the world turns with the heading, a bias stays with the sensor.",
+            choices=(("x_rad", "y_rad"),),
+        ),
         Effect(
             "reference_smoothing",
             (Parameter("cut_off_hz", "Hz", np.inf, 12.0, 500.0, 1.0),),

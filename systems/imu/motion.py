@@ -61,8 +61,8 @@ class Reading:
     """Measured and ideal readings at the uniform stamps `t_s` (n,).
 
     `measured` (n, 6) is gyroscope before accelerometer, NaN at gaps and ends, `read` the same without NaN; `ideal`
-    (n, 6) is (1) and (2) with all noise of the reference, `whole` the same with what was read in its gaps, and `up`
-    (n, 3) Rᵀ e_z of (2). `inputs` (n, 6) are (1) and (2) freed of nearly all noise, `smooth` tells how much of the rest
+    (n, 6) is (1) and (2) with all noise of the reference, `whole` the same with what was read in its gaps, and `world`
+    (n, 3, 3) the world's axes in the sensor's, row by row: the last is Rᵀ e_z of (2). `inputs` (n, 6) are (1) and (2) freed of nearly all noise, `smooth` tells how much of the rest
     is motion (systems.imu.smoothing). `start_s` is the first stamp of the IMU, `most` the greatest raw reading of
     either sensor, rad/s and m/s², and `pinned` whether readings pile up exactly there. `fold` samples of the IMU make
     one, and `taps` are the low pass at the IMU's rate.
@@ -73,7 +73,7 @@ class Reading:
     read: FloatArray
     ideal: FloatArray
     whole: FloatArray
-    up: FloatArray
+    world: FloatArray
     inputs: FloatArray
     temperature_degC: FloatArray | None
     start_s: float
@@ -141,7 +141,7 @@ def reading_of(recording: ImuRecording) -> Reading:
     if degC is not None:
         degC = _low_passed(np.interp(grid_s, recording.t_s, degC)[:, None], taps, fold)[:, 0]
     fold_taps = _low_pass_taps(kept) if kept > 1 else taps
-    whole = np.hstack((w_whole, free_whole + STANDARD_GRAVITY_MPS2 * R[:, 2], R[:, 2]))
+    whole = np.hstack((w_whole, free_whole + STANDARD_GRAVITY_MPS2 * R[:, 2], R.reshape(-1, 9)))
     whole = _low_passed(whole, fold_taps, kept)
     return Reading(
         t_s=grid_s[::fold],
@@ -149,7 +149,7 @@ def reading_of(recording: ImuRecording) -> Reading:
         read=_low_passed(measured, taps, fold),
         ideal=_low_passed(np.hstack((w, sf)), fold_taps, kept),
         whole=whole[:, :6],
-        up=whole[:, 6:],
+        world=whole[:, 6:].reshape(-1, 3, 3),
         inputs=smooth.inputs(w_whole[::dense], (free_whole + STANDARD_GRAVITY_MPS2 * R[:, 2])[::dense])[::fold],
         temperature_degC=degC,
         start_s=float(recording.t_s[0]),

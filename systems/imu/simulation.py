@@ -2,7 +2,7 @@
 
 The chain, in the order in which it happens (all neutral leaves the first line alone):
 
-    ω,  f = Rᵀ p̈ + g Rᵀ e_z + (α× + ω× ω×) r                lever arm r, gravity g                                (1)
+    ω,  f = Rᵀ p̈ + g Rᵀ exp(φ×) e_z + (α× + ω× ω×) r        lever arm r, gravity g, world's tilt φ                (1)
     ω ← E ω,  f ← E f,  E = exp(θ×)                          the sensor's axes turned against the reference's     (2)
     f ← V f,  V(s) = (1 + 2ζ s/ω0) / (1 + 2ζ s/ω0 + s²/ω0²)  its mount vibrates, per axis                         (3)
     ω ← M ω + G f + b + ḃ (t − t0) + k (T − 25 °C)           gyroscope                                            (4)
@@ -30,6 +30,7 @@ import numpy as np
 from discrepancy.simulation import Channels, Effect, Parameter, Values
 from messages.arrays import BoolArray, ComplexArray, FloatArray
 from messages.constants import STANDARD_GRAVITY_MPS2
+from perception import so3
 from systems.imu.chain import Chain, vector
 from systems.imu.effects import REFERENCE_DEGC, Facts, library
 from systems.imu.motion import Reading
@@ -124,10 +125,11 @@ class ImuSimulation:
     def _beside(self, values: Values) -> ComplexArray | None:
         """Return what lever arm and gravity add to the specific force of (1), as bins (k, 3); None for nothing."""
         arm_m = vector(values, "lever_arm.{}_m")
-        more_mps2 = values["gravity_magnitude.value_mps2"] - STANDARD_GRAVITY_MPS2
-        if not arm_m.any() and not more_mps2:
+        tilt = so3.exp(np.array((values["world_tilt.x_rad"], values["world_tilt.y_rad"], 0.0)))
+        more_mps2 = values["gravity_magnitude.value_mps2"] * tilt[:, 2] - (0.0, 0.0, STANDARD_GRAVITY_MPS2)
+        if not arm_m.any() and not more_mps2.any():
             return None
-        found: ComplexArray = self._lever @ arm_m + more_mps2 * self._up
+        found: ComplexArray = self._lever @ arm_m + more_mps2 @ self._world
         return found
 
     def _with_offsets(self, values: Values, told: ComplexArray, sign: float) -> ComplexArray:
@@ -189,8 +191,9 @@ class ImuSimulation:
         return self._seen - self._by_reference
 
     @cached_property
-    def _up(self) -> ComplexArray:
-        return self._periodic.bins(self.reading.up)
+    def _world(self) -> ComplexArray:
+        """Return the world's axes in the sensor's as bins (k, 3, 3)."""
+        return self._periodic.bins(self.reading.world.reshape(-1, 9)).reshape(-1, 3, 3)
 
     @cached_property
     def _lever(self) -> ComplexArray:

@@ -40,9 +40,9 @@ SIZES: Final[Mapping[str, Sizes]] = {
     "temperature": Sizes(1e-4, 3e-3, "rad/s/°C"),
     "gravity_magnitude": Sizes(1e-2, 0.1, "m/s²"),
     "vibration": Sizes(8.0, 20.0, "Hz"),
+    "world_tilt": Sizes(np.deg2rad(0.5), np.deg2rad(5.0), "rad"),
     "axis_skew": Sizes(4e-3, 3e-2, "s"),
     "gyro_hysteresis": Sizes(3e-2, 0.3, "rad/s"),
-    "tilted_world": Sizes(np.deg2rad(0.5), np.deg2rad(5.0), "rad"),
     "soft_sway": Sizes(1e-3, 1e-2, "rad/(m/s²)"),
     "held_samples": Sizes(5e-3, 5e-2, "1"),
     "cross_coupled_rate": Sizes(1e-3, 1e-2, "s"),
@@ -52,7 +52,6 @@ SIZES: Final[Mapping[str, Sizes]] = {
 OUTSIDE: Final = (
     "axis_skew",
     "gyro_hysteresis",
-    "tilted_world",
     "soft_sway",
     "held_samples",
     "cross_coupled_rate",
@@ -85,7 +84,7 @@ PAIRS: Final = (
 LOOK_ALIKES: Final = (
     ("time_offset", "clock_drift", "low_pass"),
     ("gyro_bias", "gyro_bias_drift", "temperature", "g_sensitivity"),
-    ("acc_bias", "acc_scale", "acc_misalignment", "gravity_magnitude"),
+    ("acc_bias", "acc_scale", "acc_misalignment", "gravity_magnitude", "world_tilt"),
     ("frame_rotation", "gyro_misalignment", "acc_misalignment"),
 )
 
@@ -193,6 +192,9 @@ def _drawn_effect(name: str, size: float, random: np.random.Generator, curve: Cu
     if name == "gravity_magnitude":
         gravity = STANDARD_GRAVITY_MPS2 + size * sign(random)
         return {"gravity_mps2": gravity}, {"value_mps2": gravity}
+    if name == "world_tilt":
+        tilt = _on_two_axes(size, random)
+        return {"tilt_rad": tilt}, {"x_rad": float(tilt[0]), "y_rad": float(tilt[1])}
     if name == "low_pass":
         return _drawn_low_pass(size, random)
     if name == "vibration":
@@ -237,6 +239,12 @@ def _axis_values(size: float, random: np.random.Generator) -> FloatArray:
         shares = random.choice((-1.0, 1.0), 3) * random.permutation((1.0, random.uniform(0.5, 1.0), 0.5))
     values: FloatArray = size * shares
     return values
+
+
+def _on_two_axes(size: float, random: np.random.Generator) -> FloatArray:
+    """Return a level vector (3,) of length `size`."""
+    angle = random.uniform(0.0, 2.0 * np.pi)
+    return size * np.array((np.cos(angle), np.sin(angle), 0.0))
 
 
 def _drawn_matrix(name: str, size: float, random: np.random.Generator) -> Drawn:

@@ -31,6 +31,7 @@ EFFECTS: Final = (
     "gravity_magnitude",
     "lever_arm",
     "frame_rotation",
+    "world_tilt",
     "low_pass",
     "clipping",
     "vibration",
@@ -208,6 +209,23 @@ def _frame_rotation(size: float, random: np.random.Generator, _: Recorded) -> Dr
     return _told("{}_rad", turn_rad), turned_frame
 
 
+def _world_tilt(size: float, random: np.random.Generator, _: Recorded) -> Drawn:
+    angle = random.uniform(0.0, 2.0 * np.pi)
+    tilt_rad = size * np.array((np.cos(angle), np.sin(angle), 0.0))
+    turn = Rotation.from_rotvec(tilt_rad)
+
+    def leaning_world(r: Recorded) -> Recorded:
+        """The cameras' world is turned so that the vertical is its z axis turned by `tilt_rad`."""
+        seen, attitude = _attitude(r)
+        q_WS, p_W_m = np.full_like(r.q_WS, np.nan), np.full_like(r.p_W_m, np.nan)
+        q_WS[seen] = np.roll((turn * attitude).as_quat(), 1, axis=1)
+        there = np.isfinite(r.p_W_m).all(axis=1)
+        p_W_m[there] = turn.apply(r.p_W_m[there])
+        return replace(r, q_WS=q_WS, p_W_m=p_W_m)
+
+    return _told("{}_rad", tilt_rad), leaning_world
+
+
 def _low_pass(size: float, random: np.random.Generator, _: Recorded) -> Drawn:
     """Return a second-order filter, Butterworth's or Bessel's, of one sensor or of both; −3 dB at the cut-off."""
     which, shared = int(random.integers(3)), float(random.uniform(0.7, 1.4))
@@ -294,6 +312,7 @@ _DRAW: Final[Mapping[str, Callable[[float, np.random.Generator, Recorded], Drawn
     "gravity_magnitude": _gravity_magnitude,
     "lever_arm": _lever_arm,
     "frame_rotation": _frame_rotation,
+    "world_tilt": _world_tilt,
     "low_pass": _low_pass,
     "clipping": _clipping,
     "vibration": _vibration,

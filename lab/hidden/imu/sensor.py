@@ -37,6 +37,7 @@ class Unit:
     sf_bias_mps2: FloatArray = field(default_factory=lambda: np.zeros(3))
     arm_m: FloatArray = field(default_factory=lambda: np.zeros(3))
     turned_rad: FloatArray = field(default_factory=lambda: np.zeros(3))
+    tilt_rad: FloatArray = field(default_factory=lambda: np.zeros(3))  # of the vertical against the reference's z
     gravity_mps2: float = STANDARD_GRAVITY_MPS2
     w_limit_radps: float = np.inf
     sf_limit_mps2: float = np.inf
@@ -55,12 +56,19 @@ def readings(unit: Unit, curve: Curve, stamps_s: FloatArray, degC: FloatArray) -
         dense_s = np.arange(t_s[0] - _MARGIN_S, t_s[-1] + _MARGIN_S, float(np.median(np.diff(t_s))) / _FINER)
         y = make_interp_spline(dense_s, _dynamic(unit, motion, dense_s), k=3)(t_s)
     else:
-        y = _static(unit, motion.turning(t_s), motion.specific_force(t_s))
+        y = _static(unit, motion.turning(t_s), motion.specific_force(t_s) + _vertical(unit, motion, t_s))
     y[:, :3] += unit.w_drift_radps2 * (stamps_s - stamps_s[0])[:, None]
     y[:, :3] += unit.w_per_degC * (degC - _CALIBRATED_DEGC)[:, None]
     if name:
         y = _outside(name, size, axis, y, motion, t_s)
     return y
+
+
+def _vertical(unit: Unit, motion: Motion, t_s: FloatArray) -> FloatArray:
+    """Return what a vertical that leans in the reference's world adds to the specific force, (n, 3)."""
+    leaning = Rotation.from_rotvec(unit.tilt_rad).apply((0.0, 0.0, 1.0)) - (0.0, 0.0, 1.0)
+    added: FloatArray = motion.attitude(t_s).apply(unit.gravity_mps2 * leaning, inverse=True)
+    return added
 
 
 def _static(unit: Unit, w: FloatArray, sf: FloatArray) -> FloatArray:
@@ -72,7 +80,7 @@ def _static(unit: Unit, w: FloatArray, sf: FloatArray) -> FloatArray:
 
 def _dynamic(unit: Unit, motion: Motion, t_s: FloatArray) -> FloatArray:
     """Return the readings on a dense grid: the mount's oscillator first, the sensor's own filter last."""
-    w, sf = motion.turning(t_s), motion.specific_force(t_s)
+    w, sf = motion.turning(t_s), motion.specific_force(t_s) + _vertical(unit, motion, t_s)
     since_s = t_s - t_s[0]
     for k, f_hz in enumerate(unit.mount_hz):
         if np.isfinite(f_hz):
@@ -95,10 +103,6 @@ def _outside(name: str, size: float, axis: int, y: FloatArray, motion: Motion, t
         y[:, axis] = motion.turning(t_s - size)[:, axis]
     elif name == "gyro_hysteresis":
         y[:, axis] = _play(y[:, axis], abs(size))
-    elif name == "tilted_world":
-        tilt = Rotation.from_rotvec(size * np.eye(3)[axis % 2])
-        up = motion.gravity_mps2 * (tilt.apply((0.0, 0.0, 1.0)) - (0.0, 0.0, 1.0))
-        y[:, 3:] += motion.attitude(t_s).apply(up, inverse=True)
     elif name == "soft_sway":
         angle = size * (y[:, 3 + other] - y[:, 3 + other].mean())
         sway = Rotation.from_rotvec(np.outer(angle, np.eye(3)[axis]))

@@ -36,6 +36,7 @@ UNITS: dict[str, tuple[Unit, dict[str, float]]] = {
     "clipping": (Unit(w_limit_radps=1.2), {"gyro_radps": 1.2}),
     "low_pass": (Unit(cut_off_hz=(9.0, 12.0)), {"gyro_hz": 9.0, "acc_hz": 12.0}),
     "temperature": (Unit(w_per_degC=np.array((1e-3, 0.0, 0.0))), {"x_radps_per_degC": 1e-3}),
+    "world_tilt": (Unit(tilt_rad=np.array((0.02, -0.03, 0.0))), {"x_rad": 0.02, "y_rad": -0.03}),
     "gravity_magnitude": (Unit(gravity_mps2=9.75), {"value_mps2": 9.75}),
     "vibration": (
         Unit(mount_hz=np.array((np.inf, 14.0, np.inf)), mount_damping=0.15),
