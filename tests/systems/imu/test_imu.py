@@ -1,7 +1,7 @@
 """The IMU's plug-in: what it refuses, what it predicts, held against a generator that shares no formula with it."""
 
 import warnings
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from discrepancy.values import predicted
 from lab.hidden.imu import EFFECTS
 from lab.hidden.imu.motion import Motion, hand_moved, swung
+from lab.hidden.imu.planted import EFFECTS as PLANTED
+from lab.hidden.imu.planted import Recorded, drawn
 from lab.hidden.imu.sensor import Unit, readings
 from messages.errors import UserError
 from systems.imu import load
@@ -240,3 +242,20 @@ def test_a_recording_reads_back(tmp_path: Path) -> None:
         again = load(tmp_path)
     assert again.channels.names == ("gx_radps", "gy_radps", "gz_radps", "ax_mps2", "ay_mps2", "az_mps2")
     assert np.isfinite(predicted(again, {})).mean() > 0.9
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_each_effect_predicts_what_is_planted_into_a_recording(name: str) -> None:
+    clean = recorded(Unit())
+    plain = Recorded(**{each.name: getattr(clean, each.name) for each in fields(Recorded)})
+    planting = drawn(name, np.random.default_rng(5), plain)
+    planted = planting.planted(plain)
+    simulation = simulated(replace(clean, **{each.name: getattr(planted, each.name) for each in fields(Recorded)}))
+    neutral = {each.qualified(p.name): p.neutral for each in simulation.effects for p in each.parameters}
+    values = {f"{name}.{key}": value for key, value in planting.cause.parameters.items()}
+    if name == "gravity_magnitude":
+        values = {key: neutral[key] + value for key, value in values.items()}
+    perfect, before, after = misfit(simulated(clean), {}), misfit(simulation, {}), misfit(simulation, values)
+    # what a verdict need not tell, a filter's and a mount's damping, is not given here
+    left = 0.3 if name in ("low_pass", "vibration") else 0.03
+    assert after**2 - perfect**2 < left * (before**2 - perfect**2)
