@@ -39,7 +39,6 @@ class Line(msgspec.Struct, frozen=True):
     """A case that was judged, or with `seed` null a trial as it is."""
 
     trial: str
-    fitted_half: int
     seed: int | None
     planted: TrueCause | None
     told: Told
@@ -47,21 +46,18 @@ class Line(msgspec.Struct, frozen=True):
     cpu_s: float
 
     @property
-    def place(self) -> tuple[str, int, int | None]:
+    def place(self) -> tuple[str, int | None]:
         """Return what tells a line from all others."""
-        return self.trial, self.fitted_half, self.seed
+        return self.trial, self.seed
 
 
-def case_of(seed: int, trials: Sequence[str]) -> tuple[str, int, str]:
-    """Return trial, the half that is fitted and the effect of a case: effects take turns, trials within each too."""
+def case_of(seed: int, trials: Sequence[str]) -> tuple[str, str]:
+    """Return trial and effect of a case: effects take turns, trials within each too."""
     turn, place = divmod(seed, len(EFFECTS))
-    return trials[(turn + place) % len(trials)], (turn // len(trials) + turn + place // 2) % 2, EFFECTS[place]
+    return trials[(turn + place) % len(trials)], EFFECTS[place]
 
 
-@cache
-def both(trial: str, fitted_half: int) -> tuple[ImuRecording, ImuRecording]:
-    found = halves(trial)
-    return (found.first, found.second) if fitted_half == 0 else (found.second, found.first)
+halves_of = cache(halves)
 
 
 def plain(recording: ImuRecording) -> Recorded:
@@ -72,22 +68,22 @@ def with_it(recorded: Recorded) -> ImuSimulation:
     return simulation_of(ImuRecording(**{each.name: getattr(recorded, each.name) for each in fields(Recorded)}))
 
 
-def unplanted(trial: str, fitted_half: int) -> Line:
+def unplanted(trial: str) -> Line:
     """Return what is told of a trial as it is."""
-    fit, held_out = both(trial, fitted_half)
+    both = halves_of(trial)
     begun = time.process_time()
-    verdict = explain(simulation_of(fit), simulation_of(held_out), seed=1).verdict
-    return Line(trial, fitted_half, None, None, _told(verdict), {}, time.process_time() - begun)
+    verdict = explain(simulation_of(both.first), simulation_of(both.second), seed=1).verdict
+    return Line(trial, None, None, _told(verdict), {}, time.process_time() - begun)
 
 
-def judged(seed: int, trial: str, fitted_half: int, effect: str) -> Line:
+def judged(seed: int, trial: str, effect: str) -> Line:
     """Return what is told of a trial with an effect planted."""
-    fit, held_out = both(trial, fitted_half)
-    planting = drawn(effect, np.random.default_rng(np.random.SeedSequence(seed)), plain(fit))
+    both = halves_of(trial)
+    planting = drawn(effect, np.random.default_rng(np.random.SeedSequence(seed)), plain(both.first))
     begun = time.process_time()
-    verdict = explain(*(with_it(planting.planted(plain(each))) for each in (fit, held_out)), seed=1).verdict
+    verdict = explain(*(with_it(planting.planted(plain(each))) for each in (both.first, both.second)), seed=1).verdict
     seconds = time.process_time() - begun
-    return Line(trial, fitted_half, seed, planting.cause, _told(verdict), _same_causes(fit, verdict), seconds)
+    return Line(trial, seed, planting.cause, _told(verdict), _same_causes(both.first, verdict), seconds)
 
 
 def _told(verdict: Verdict) -> Told:
@@ -118,20 +114,20 @@ def described(line: Line, told: Change | None) -> str:
         for cause in line.told.causes
     )
     if line.planted is None or told is None:
-        return f"{line.trial}, half {line.fitted_half}: {line.told.verdict} {causes}"
+        return f"{line.trial} as it is: {line.told.verdict} {causes}"
     marks = "".join(
         letter if is_so else "-"
         for letter, is_so in (("N", told.named), ("v", told.in_interval), ("l", told.like_for_like))
     )
     what = ", ".join(f"{name} {value:.4g}" for name, value in line.planted.parameters.items())
-    where = f"{line.seed} {line.trial}/{line.fitted_half}"
+    where = f"{line.seed} {line.trial}"
     return f"{marks} {where} {line.planted.name} ({what}): {causes or line.told.verdict}"
 
 
-def table(lines: Sequence[Line], before: dict[tuple[str, int], Line]) -> list[str]:
+def table(lines: Sequence[Line], before: dict[str, Line]) -> list[str]:
     """Return the counts, by effect and in all, with 95 % confidence bounds of the whole."""
     changes = {
-        line.place: change(line.planted, before[line.trial, line.fitted_half].told, line.told, line.same_causes)
+        line.place: change(line.planted, before[line.trial].told, line.told, line.same_causes)
         for line in lines
         if line.planted is not None
     }
@@ -175,12 +171,12 @@ def main() -> None:
     arguments = parser.parse_args()
     trials = TUNING if arguments.development else JUDGED
     first = arguments.first or (DEVELOPMENT_SEED if arguments.development else FIRST_SEED)
-    done: dict[tuple[str, int, int | None], Line] = {}
+    done: dict[tuple[str, int | None], Line] = {}
     if arguments.file.exists():
         found = [msgspec.json.decode(each, type=Line) for each in arguments.file.read_bytes().splitlines()]
         done = {each.place: each for each in found}
     lines = []
-    before: dict[tuple[str, int], Line] = {}
+    before: dict[str, Line] = {}
     with arguments.file.open("ab") as file:
 
         def kept(line: Line) -> Line:
@@ -191,14 +187,14 @@ def main() -> None:
             return line
 
         for seed in range(first, first + arguments.cases):
-            trial, half, effect = case_of(seed, trials)
-            if (trial, half) not in before:
-                before[trial, half] = kept(done.get((trial, half, None)) or unplanted(trial, half))
-                print(described(before[trial, half], None), flush=True)
-            line = kept(done.get((trial, half, seed)) or judged(seed, trial, half, effect))
+            trial, effect = case_of(seed, trials)
+            if trial not in before:
+                before[trial] = kept(done.get((trial, None)) or unplanted(trial))
+                print(described(before[trial], None), flush=True)
+            line = kept(done.get((trial, seed)) or judged(seed, trial, effect))
             lines.append(line)
             assert line.planted is not None
-            told = change(line.planted, before[trial, half].told, line.told, line.same_causes)
+            told = change(line.planted, before[trial].told, line.told, line.same_causes)
             print(described(line, told), flush=True)
     print("\n".join(table(lines, before)))
 

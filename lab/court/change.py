@@ -47,9 +47,7 @@ def change(planted: TrueCause, before: Told, after: Told, same_causes: Mapping[s
     name = planted.name if told is None else told.name
     there = told_before.get(name)
     own_before = {} if there is None else {name: q.value for name, q in there.parameters.items() if q.value is not None}
-    like_before = {
-        key.split(".", 1)[1]: value for key, value in same_causes.items() if key.split(".", 1)[0] == name
-    }
+    like_before = {key.split(".", 1)[1]: value for key, value in same_causes.items() if key.split(".", 1)[0] == name}
     in_interval = told is not None and _holds(planted, told, own_before)
     like_for_like = told is not None and _holds(planted, told, like_before)
     anew = [cause for cause in by_likeness if cause.name not in told_before and planted.name not in told_before]

@@ -43,7 +43,7 @@ class Chain:
         sensitivity[3:, 3:] = _sensitivity(values, "acc_scale", "acc_misalignment")
         return Chain(
             np.exp2(0.5 * (f_hz[:, None] / smoothed_hz) ** 2) if np.isfinite(smoothed_hz) else np.ones((1, 1)),
-            np.asarray(np.kron(np.eye(2), so3.exp(vector(values, "frame_rotation.{}_rad"))), dtype=np.float64),
+            _twice(so3.exp(vector(values, "frame_rotation.{}_rad"))),
             mount,
             sensitivity,
             _filter(values, f_hz),
@@ -70,6 +70,13 @@ class Chain:
 def vector(values: Values, form: str) -> FloatArray:
     """Return the parameters (3,) of the three axes."""
     return np.array([values[form.format(axis)] for axis in AXES])
+
+
+def _twice(E: FloatArray) -> FloatArray:
+    """Return the matrix (6, 6) that turns both sensors' readings by E (3, 3)."""
+    both = np.zeros((6, 6))
+    both[:3, :3] = both[3:, 3:] = E
+    return both
 
 
 def _filter(values: Values, f_hz: FloatArray) -> ComplexArray:

@@ -62,10 +62,10 @@ class Reading:
 
     `measured` (n, 6) is gyroscope before accelerometer, NaN at gaps and ends, `read` the same without NaN; `ideal`
     (n, 6) is (1) and (2) with all noise of the reference, `whole` the same with what was read in its gaps, and `world`
-    (n, 3, 3) the world's axes in the sensor's, row by row: the last is Rᵀ e_z of (2). `inputs` (n, 6) are (1) and (2) freed of nearly all noise, `smooth` tells how much of the rest
-    is motion (systems.imu.smoothing). `start_s` is the first stamp of the IMU, `most` the greatest raw reading of
-    either sensor, rad/s and m/s², and `pinned` whether readings pile up exactly there. `fold` samples of the IMU make
-    one, and `taps` are the low pass at the IMU's rate.
+    (n, 3, 3) the world's axes in the sensor's, row by row: the last is Rᵀ e_z of (2). `inputs` (n, 6) are (1) and (2)
+    freed of nearly all noise, `smooth` tells how much of the rest is motion (systems.imu.smoothing). `start_s` is the
+    first stamp of the IMU, `most` the greatest raw reading of either sensor, rad/s and m/s², and `pinned` whether
+    readings pile up exactly there. `fold` samples of the IMU make one, and `taps` are the low pass at the IMU's rate.
     """
 
     t_s: FloatArray

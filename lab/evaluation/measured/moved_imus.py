@@ -13,8 +13,8 @@ from systems.imu.recording import ImuRecording
 
 TUNING = ("broad 01", "broad 10", "broad 18", "broad 26", "tumvi room1")
 JUDGED = ("broad 07", "broad 15", "broad 24", "broad 32", "tumvi room3", "tumvi room5")
-_MOST_S = 36.0
-"""Of a half: the finder's cost grows with it, and this much is enough to tell."""
+_MOST_S = 30.0
+"""Of a half: the finder's cost grows with it, and half a minute is enough to tell."""
 _MOVING_RADPS = 0.2
 """Of the turning rate: a trial rests until it is first exceeded."""
 _REST_S = 2.0
@@ -24,7 +24,7 @@ _BROAD, _ROOMS = "broad", "tumvi_rooms_imu"
 
 @dataclass(frozen=True)
 class Halves:
-    """The two halves of a trial's motion, each 36 s at most."""
+    """The two halves of a trial's motion, each 30 s at most."""
 
     name: str
     first: ImuRecording

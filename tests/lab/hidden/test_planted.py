@@ -62,7 +62,9 @@ def test_a_low_pass_weakens_a_tone_at_its_cut_off_by_the_root_of_two(plain: Reco
     parameters, _ = of("low_pass", plain, lambda told: set(told) == {"gyro_hz"})
     f_hz = parameters["gyro_hz"]
     tone = np.sin(2.0 * np.pi * f_hz * plain.t_s)[:, None] * np.ones(3)
-    _, told = of("low_pass", Recorded(plain.t_s, tone, tone, *list(vars(plain).values())[3:]), lambda p: p == parameters)
+    _, told = of(
+        "low_pass", Recorded(plain.t_s, tone, tone, *list(vars(plain).values())[3:]), lambda p: p == parameters
+    )
     settled = slice(1000, None)
     assert told.w_radps[settled].std() / tone[settled].std() == pytest.approx(np.sqrt(0.5), rel=0.02)
     assert same(told.sf_mps2, tone)
