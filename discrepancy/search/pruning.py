@@ -85,7 +85,7 @@ def _elsewhere_false(other: Problem, search: Search, best: Fit, causes: tuple[Ca
     """Return those of several causes, the most useless last, that do not pay on the recording held out.
 
     Each is held against the fit without it, both frozen, both under the noise beneath the whole library: that of a fit's
-    own residual would favour it, and a filter would take a constant error for slow noise.
+    own residual would favour it, and its filter take a constant error for slow noise.
     """
     named = {each.effect: each for each in causes}
     if len(named) < 2:

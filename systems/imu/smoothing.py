@@ -50,6 +50,8 @@ _SEEN_AT_ALL: Final = 0.3
 """S over N at which B is one half: where the reference sees next to nothing, it judges no effect."""
 _BY_CHANCE: Final = 0.175
 """Share of a noise that seems to follow from another by chance, over three axes and so few bins (by simulation)."""
+_SLOW_HZ: Final = 1.0
+"""Below it a differentiated reference has no noise to speak of: what is next to it tells the share there too."""
 _LEAST_NOISE: Final = 1e-6
 """Of the reference's power: what is read without any noise leaves the ratio finite."""
 _FAR_ABOVE: Final = 100.0
@@ -159,15 +161,17 @@ def _above_noise(x: FloatArray, y: FloatArray, there: BoolArray, rate_hz: float)
     following = (np.abs(near(X * Y.conj())) ** 2 / np.maximum(yy, np.finfo(float).tiny)).sum(axis=0)
     share = following / np.maximum(xx.sum(axis=0), np.finfo(float).tiny)
     share = np.clip((share - _BY_CHANCE) / (1.0 - _BY_CHANCE), 0.0, 1.0 - _LEAST_NOISE)
+    slow = int(np.searchsorted(f_hz, _SLOW_HZ))
+    share[:slow] = share[slow : 2 * slow].max()  # stretches without their mean hold little there, and leak
     return f_hz, share / (1.0 - share)
 
 
 def _taps(share: FloatArray, rate_hz: float, half_s: float) -> FloatArray:
-    """Return the impulse response of the real response `share` (k,), tapered to ± `half_s`, one at zero frequency."""
+    """Return the impulse response of the real response `share` (k,), tapered to ± `half_s`, exact at zero."""
     half = round(half_s * rate_hz)
     whole = np.fft.irfft(share)
     taps = np.concatenate((whole[-half:], whole[: half + 1])) * np.hanning(2 * half + 3)[1:-1]
-    found: FloatArray = taps / taps.sum()
+    found: FloatArray = taps * (share[0] / taps.sum())
     return found
 
 
