@@ -84,8 +84,8 @@ def deciding(problem: Problem, fit: Fit, name: str) -> list[str]:
 def _elsewhere_false(other: Problem, search: Search, best: Fit, causes: tuple[Candidate, ...]) -> list[str]:
     """Return those of several causes, the most useless last, that do not pay on the recording held out.
 
-    Each is held against the fit without it, both frozen, both under the noise beneath the whole library: that of a fit's
-    own residual would favour it, and its filter take a constant error for slow noise.
+    Each is held against the fit without it, both frozen, both under the noise beneath the whole library: that of a
+    fit's own residual would favour it, and its filter take a constant error for slow noise.
     """
     named = {each.effect: each for each in causes}
     if len(named) < 2:

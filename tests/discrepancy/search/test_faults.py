@@ -7,7 +7,9 @@ from discrepancy import Explanation, explain
 from discrepancy.own_simulation import OwnSimulation
 from discrepancy.problem import Problem
 from discrepancy.report.wording import seen_text
+from discrepancy.search.candidates import Candidate
 from discrepancy.search.equivalents import better
+from discrepancy.search.fit import Fit
 from discrepancy.search.search import Search
 from discrepancy.simulation import Channels, Effect, Parameter, Values
 from messages.arrays import FloatArray
@@ -127,3 +129,19 @@ def test_a_rival_that_fits_better_takes_the_cause_s_place() -> None:
     exchanged = better(search, search.refits.joined(search.refits.base, cause), (cause,))
     assert exchanged is not None
     assert [each.effect for each in exchanged[1]] == ["good"]
+
+
+def test_after_a_swap_the_names_are_those_of_the_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = Search(Problem(rig()), [effect.name for effect in EFFECTS], 1)
+    by_effect = {each.effect: each for each in search.refits.candidates}
+    first, second, third, fourth = list(by_effect.values())[:4]
+
+    def fit(chi2: float, *causes: Candidate) -> Fit:
+        keys = tuple(key for cause in causes for key in cause.keys)
+        return Fit(dict.fromkeys(keys, 0.0), np.zeros((2, 1)), chi2, keys)
+
+    swaps = [(0, third, fit(90.0, third, second)), (1, fourth, fit(20.0, first, fourth))]
+    monkeypatch.setattr(search, "rivals", lambda best, causes, most: swaps)
+    monkeypatch.setattr(search.refits, "cancel", lambda fit, causes: False)
+    best, causes = search._swapped(fit(1000.0, first, second), (first, second))
+    assert {key.split(".")[0] for key in best.keys} == {each.effect for each in causes}
