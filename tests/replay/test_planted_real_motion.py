@@ -32,6 +32,5 @@ def test_a_time_offset_planted_into_a_real_trial_is_told_as_the_change() -> None
     as_it_is = explain(*(simulation_of(half) for half in both), seed=1).verdict
     planted = (with_it(half, planting.planted(each)) for half, each in zip(both, plain, strict=True))
     after = explain(*planted, seed=1).verdict
-    told = [msgspec.convert(msgspec.to_builtins(verdict), Told) for verdict in (as_it_is, after)]
-    found = change(planting.cause, *told, {})
-    assert found.named, (planting.cause, told)
+    before_told, told = (msgspec.convert(msgspec.to_builtins(verdict), Told) for verdict in (as_it_is, after))
+    assert change(planting.cause, before_told, told, {}).named, (planting.cause, before_told, told)

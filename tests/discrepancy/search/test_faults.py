@@ -141,7 +141,7 @@ def test_after_a_swap_the_names_are_those_of_the_fit(monkeypatch: pytest.MonkeyP
         return Fit(dict.fromkeys(keys, 0.0), np.zeros((2, 1)), chi2, keys)
 
     swaps = [(0, third, fit(90.0, third, second)), (1, fourth, fit(20.0, first, fourth))]
-    monkeypatch.setattr(search, "rivals", lambda best, causes, most: swaps)
-    monkeypatch.setattr(search.refits, "cancel", lambda fit, causes: False)
+    monkeypatch.setattr(search, "rivals", lambda *_: swaps)
+    monkeypatch.setattr(search.refits, "cancel", lambda *_: False)
     best, causes = search._swapped(fit(1000.0, first, second), (first, second))
     assert {key.split(".")[0] for key in best.keys} == {each.effect for each in causes}
