@@ -73,7 +73,7 @@ class Search:
         self.refits = Refits(problem, names)
         self._rng = np.random.default_rng(seed)
         self._asked: tuple[object, ...] | None = None
-        self._asked_under: Whitening | None = None
+        self._asked_under: White | None = None
         self._answer: list[tuple[int, Candidate, Fit]] = []
 
     def found(self) -> Found:
