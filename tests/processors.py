@@ -12,6 +12,8 @@ from typing import Final
 SETTINGS: Final = (("Haswell", 1), ("SkylakeX", 2), ("Zen", 2))
 """A kernel and a number of threads each."""
 
+_BESIDE: Final = ("--numprocesses", "auto", "--maxprocesses", "4", "--dist", "loadfile")
+
 # Prints the kernels of numpy and scipy, after the work that would end a process on a processor without their
 # instructions.
 _PROBE: Final = """
@@ -40,7 +42,7 @@ def main(arguments: list[str]) -> int:
         else:
             print(f"== {asked}: runs as {taken}", flush=True)
             ran.add((taken, threads))
-            tests = [sys.executable, "-m", "pytest", "-m", "numerical", *arguments]
+            tests = [sys.executable, "-m", "pytest", "-m", "numerical", *_BESIDE, *arguments]
             if subprocess.run(tests, env=environment).returncode:
                 failed.append(asked)
     print(f"failed: {'; '.join(failed)}" if failed else f"passed under {len(ran)} settings", flush=True)
