@@ -132,6 +132,7 @@ class GroundEstimator:
                 t_ns, frame.images, R_HC, region, measured, w_WC_C_radps, R_WC.T @ v_C_W, settled=self._tracks
             )
         if view.contradicts:
+            self._tracker.miss()
             return self._invalid(frame, Reason.VIEW_DEFORMED, measured.matched_share)
         tracked = self._tracker.updated(
             t_ns,

@@ -52,11 +52,6 @@ class Periodic:
         found: FloatArray = fft.irfft(bins, self.length, axis=0)[: self.n]
         return found
 
-    def late(self, late_s: FloatArray) -> ComplexArray:
-        """Return the response (k, c) of constant delays (c,)."""
-        found: ComplexArray = np.exp(-2j * np.pi * self.f_hz[:, None] * late_s)
-        return found
-
     def at(self, bins: ComplexArray, late_s: FloatArray) -> FloatArray:
         """Return the record (n, c) of a spectrum as it was `late_s` (n,) before each sample, by a cubic between samples
         four times as dense.
