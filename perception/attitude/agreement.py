@@ -91,6 +91,11 @@ class Agreement:
         return self._advice(step) if self.contradicted else Advice.KEEP
 
     @property
+    def missing_rad(self) -> FloatArray:
+        """Return by what turn (3,) in W the gyroscope has fallen short of late: θ of (1)."""
+        return self._missing_rad
+
+    @property
     def turn_is_off(self) -> bool:
         """Return whether it is by its turn that a step has contradicted."""
         return self.contradicted and self._turn_is_off

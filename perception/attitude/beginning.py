@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from messages import Reason, Vec3
+from messages.arrays import FloatArray
 from perception import so3, vec3
 from perception.attitude.accelerometer import tilt_of_bias
 from perception.attitude.error_state import (
@@ -89,15 +90,17 @@ def start_in_motion(kalman: AttitudeKalman, state: AttitudeState, up_B: Vec3, ti
     _walk_at_some_pace(kalman, state)
 
 
-def doubt_gyro(kalman: AttitudeKalman, state: AttitudeState) -> None:
-    """Let steps of the camera tell what bias, tilt and pace have become since it was lost."""
+def doubt_gyro(kalman: AttitudeKalman, state: AttitudeState, missing_rad: FloatArray) -> None:
+    """Let steps of the camera tell what bias, tilt and pace have become since it was lost, or since the gyroscope fell
+    short of its turns by `missing_rad` (3,) in W."""
     P, settings = state.covariance, kalman.settings
     tilt_var = min(kalman.unwatched_tilt_var(state), settings.moving_start_tilt_rad**2)
     if state.ground.moves:
         P[SCALE, SCALE] = state.ground.frozen_scale_var
     _forget_motion(state, settings.moving_start_speed_mps)
     _walk_at_some_pace(kalman, state)
-    P[ROTATION, ROTATION] += np.diag((1.0, 1.0, 0.0)) * tilt_var
+    missing_tilt_rad = missing_rad * (1.0, 1.0, 0.0)
+    P[ROTATION, ROTATION] += np.diag((1.0, 1.0, 0.0)) * tilt_var + np.outer(missing_tilt_rad, missing_tilt_rad)
     P[GYRO_BIAS, GYRO_BIAS] += np.eye(3) * settings.gyro_bias_radps**2
     state.reason_uncertain = Reason.UNCONFIRMED
 

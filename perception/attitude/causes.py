@@ -18,7 +18,17 @@ from messages import vec3 as to_vec3
 from messages.arrays import FloatArray
 from perception import so3, vec3
 from perception.attitude.accelerometer import CROSS_UP
-from perception.attitude.error_state import GROUND, GROUND_TURN, GYRO_BIAS, MOUNT, ROTATION, SCALE, SF_BIAS, VELOCITY
+from perception.attitude.error_state import (
+    BEGINNING,
+    GROUND,
+    GROUND_TURN,
+    GYRO_BIAS,
+    MOUNT,
+    ROTATION,
+    SCALE,
+    SF_BIAS,
+    VELOCITY,
+)
 from perception.attitude.kalman import AttitudeKalman, fuse, ground_var
 from perception.attitude.state import AttitudeState, CameraStepSettings, Contradiction, Contradictions, GroundMotion
 
@@ -42,11 +52,12 @@ def look_for_causes(
     by_slip = _BY_TURN @ H[:3, MOUNT]  # what it does to the travel, a start does as well
     fade, slow_fade = (math.exp(-duration_s / each_s) for each_s in (settings.memory_s, settings.slip_memory_s))
     state.explained_s += duration_s
-    turn = _add(found.turn, fade, _BY_TURN, information, bounded) / settings.far_sigmas**2
-    travel = _add(found.travel, fade, _BY_TRAVEL, information, bounded) / settings.far_sigmas**2
-    slip = _add(found.slip, slow_fade, by_slip, information, bounded) / settings.slip_sigmas**2
+    found.missing_rad = fade * found.missing_rad + innovation[:3]
+    turn = _unlikely(_add(found.turn, fade, _BY_TURN, information, bounded), settings.far_sigmas)
+    travel = _unlikely(_add(found.travel, fade, _BY_TRAVEL, information, bounded), settings.far_sigmas)
+    slip = _unlikely(_add(found.slip, slow_fade, by_slip, information, bounded), settings.slip_sigmas)
     most = max(turn, travel, slip)
-    if most <= 1.0 or state.explained_s < settings.explain_again_s:
+    if most == 0.0 or state.explained_s < settings.explain_again_s:
         return False
     if most == turn:
         _doubt_turn(kalman, state, duration_s)
@@ -56,6 +67,11 @@ def look_for_causes(
         state.covariance[MOUNT, MOUNT] += np.eye(3) * settings.slip_rad**2
     state.contradictions, state.explained_s = Contradictions(), 0.0
     return True
+
+
+def _unlikely(square: float, sigmas: float) -> float:
+    """Return the square of a sum over its deviation where that is unlikely, 0 where it is not."""
+    return square if square > sigmas**2 else 0.0
 
 
 def squares(innovation: FloatArray, likely: FloatArray) -> float:
@@ -80,19 +96,40 @@ def _add(
 
 
 def _doubt_turn(kalman: AttitudeKalman, state: AttitudeState, duration_s: float) -> None:
-    """Let the gyroscope's bias be unknown; and the ground turn, where it would do so faster than biases jump.
+    """Let the gyroscope's bias be unknown, and the tilt that it has made; and the ground turn, where it would do so
+    faster than biases jump.
 
-    A ground that had only just begun to move did not: it was the tilt that the bias has made.
+    A ground that had only just begun to move did not, where a tilt that such a bias has made explains its acceleration.
     """
-    settings, turn = kalman.settings, state.contradictions.turn
-    if state.ground.moves and state.ground.moving_s < settings.camera.ground_doubtful_s:
-        _rest_ground(kalman, state, 0.0, settings.gyro_bias_radps * state.ground.moving_s)
-    P = state.covariance
+    settings, turn, ground = kalman.settings, state.contradictions.turn, state.ground
+    missing_rad, yaw_rate_radps = state.contradictions.missing_rad, turn.total[2] / turn.covariance[2, 2] / duration_s
+    if ground.moves and ground.moving_s < settings.camera.ground_doubtful_s:
+        by_tilt_W = -settings.gravity_mps2 * CROSS_UP @ missing_rad
+        if _is_explained(np.array(ground.acceleration_W), by_tilt_W, settings.camera.ground_at_rest_mps2):
+            _rest_ground(kalman, state, 0.0, _MOST_FOLLOWED * math.hypot(missing_rad[0], missing_rad[1]))
+    P, tilted_rad = state.covariance, _tilt_of(missing_rad)
     P[GYRO_BIAS, GYRO_BIAS] += np.eye(3) * settings.gyro_bias_radps**2
-    P[ROTATION, ROTATION] += np.diag((1.0, 1.0, 0.0)) * settings.camera.jump_tilt_rad**2
-    rate_radps = turn.total[2] / turn.covariance[2, 2] / duration_s
-    if abs(rate_radps) > settings.camera.least_ground_turn_radps:
+    _doubt_tilt(P, np.outer(tilted_rad, tilted_rad))
+    since_s = min(settings.camera.memory_s, state.explained_s)
+    P[VELOCITY, VELOCITY] += (settings.gravity_mps2 * math.hypot(*tilted_rad) * since_s / 2.0) ** 2 * _HORIZONTAL
+    if abs(yaw_rate_radps) > settings.camera.least_ground_turn_radps:
         _doubt_ground(state, settings.camera)
+
+
+def _tilt_of(turn_rad: FloatArray) -> FloatArray:
+    """Return the horizontal part (3,) of a turn in W, beside what a turn about the vertical leans by."""
+    tilt_rad: FloatArray = turn_rad * (1.0, 1.0, 0.0)
+    size_rad, leaning_rad = float(np.linalg.norm(tilt_rad)), _LEANING * float(np.linalg.norm(turn_rad))
+    return tilt_rad * (1.0 - leaning_rad / size_rad) if size_rad > leaning_rad else np.zeros(3)
+
+
+def _is_explained(acceleration_W: FloatArray, by_tilt_W: FloatArray, usual_mps2: float) -> bool:
+    """Return whether an acceleration (3,) is no more than `usual_mps2`, or most of it lies along one that a tilt makes
+    and is not far larger: the bias has been followed for a while, and what is left of it is less than it was."""
+    most = float(by_tilt_W @ by_tilt_W)
+    share = float(np.clip(acceleration_W @ by_tilt_W / most, 0.0, _MOST_FOLLOWED)) if most > 0.0 else 0.0
+    left_mps2 = math.dist(acceleration_W, share * by_tilt_W)
+    return math.hypot(*acceleration_W) < usual_mps2 or left_mps2 < share * math.sqrt(most)
 
 
 def _doubt_ground(state: AttitudeState, settings: CameraStepSettings) -> None:
@@ -104,13 +141,21 @@ def _doubt_ground(state: AttitudeState, settings: CameraStepSettings) -> None:
     ground.usual_square = settings.ground_mps2**2
     P[GROUND, GROUND] += ground_var(ground.usual_square)
     P[VELOCITY, VELOCITY] += np.eye(3) * settings.ground_jump_mps**2
-    P[ROTATION, ROTATION] += np.diag((1.0, 1.0, 0.0)) * settings.jump_tilt_rad**2
+    tilted_rad = _tilt_of(state.contradictions.missing_rad)
+    _doubt_tilt(P, settings.jump_tilt_rad**2 * _HORIZONTAL + np.outer(tilted_rad, tilted_rad))
     P[GYRO_BIAS, GYRO_BIAS] += np.eye(3) * settings.ground_jump_radps**2
     if not ground.moves:
         ground.moves, ground.frozen_scale_var = True, float(P[SCALE, SCALE][0, 0])
         P[SCALE, :] = P[:, SCALE] = 0.0
         P[GROUND_TURN, GROUND_TURN] = settings.ground_turn_radps**2
     state.ground.calm_s = 0.0
+
+
+def _doubt_tilt(P: FloatArray, tilt_var: FloatArray) -> None:
+    """Add to the covariance (3, 3) of the attitude, which was as wrong when the step began as it is now."""
+    for one in (ROTATION, BEGINNING):
+        for other in (ROTATION, BEGINNING):
+            P[one, other] += tilt_var
 
 
 def follow_ground(kalman: AttitudeKalman, state: AttitudeState, duration_s: float) -> None:
@@ -212,7 +257,13 @@ def _scale_deviation(kalman: AttitudeKalman, state: AttitudeState) -> float:
 
 _FAR_SIGMAS = 3.0
 """Standard deviations that an error of the calibration, or of an estimate, may have."""
+_HORIZONTAL = np.diag((1.0, 1.0, 0.0))
+"""What of a small rotation in W, (3, 3), is tilt."""
 _BY_TURN, _BY_TRAVEL = np.eye(6)[:, :3], np.eye(6)[:, 3:]
 """G of (7) for a turn and a travel in W, each (6, 3)."""
+_LEANING = 0.2
+"""By such a share of a turn about the vertical its axis, as noise and the tilt have it, leans."""
+_MOST_FOLLOWED = 2.0
+"""So many times what is left of a jump it may have been."""
 _RCOND = 1e-9
 """Below this share of the largest, a direction of a cause has not shown at all."""

@@ -67,15 +67,16 @@ class AttitudeFilter:
         """
         self._state = beginning.carried_by_gyro(self._kalman, self._state, since)
 
-    def doubt_gyro(self) -> bool:
-        """Let the next steps of the camera tell what has become of gyroscope and tilt since it was lost, or of a usual
-        mounting that samples have not confirmed; return whether there is any tilt yet."""
+    def doubt_gyro(self, missing_rad: FloatArray) -> bool:
+        """Let the next steps of the camera tell what has become of gyroscope and tilt since it was lost, or since they
+        turned by `missing_rad` (3,) in W more than the gyroscope, or of a usual mounting that samples have not
+        confirmed; return whether there is any tilt yet."""
         state = self._state
         if not state.started or state.clipped_s > self.settings.longest_clipping_s:
             return False
         state.levelling = None
         self._kalman.correct(state)
-        beginning.doubt_gyro(self._kalman, state)
+        beginning.doubt_gyro(self._kalman, state, missing_rad)
         return True
 
     def begin_camera_step(self) -> None:

@@ -200,11 +200,13 @@ class Contradiction:
 
 @dataclass
 class Contradictions:
-    """What successive steps of the camera say against the state: of a turn, a travel, a camera that has slipped."""
+    """What successive steps of the camera say against the state: of a turn, a travel, a camera that has slipped; and
+    by what turn (3,) in W the gyroscope has fallen short of late."""
 
     turn: Contradiction = field(default_factory=Contradiction)
     travel: Contradiction = field(default_factory=Contradiction)
     slip: Contradiction = field(default_factory=Contradiction)
+    missing_rad: FloatArray = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass
@@ -296,7 +298,7 @@ class AttitudeState:
         other, step, found = copy(self), self.step, self.contradictions
         other.covariance = self.covariance.copy()
         other.rest, other.usual_mounting, other.ground = copy(self.rest), copy(self.usual_mounting), copy(self.ground)
-        other.contradictions = Contradictions(copy(found.turn), copy(found.travel), copy(found.slip))
+        other.contradictions = Contradictions(copy(found.turn), copy(found.travel), copy(found.slip), found.missing_rad)
         other.step = copy(step)
         other.step.rows, other.step.rates, other.step.dts_s = [*step.rows], [*step.rates], [*step.dts_s]
         if self.levelling is not None:

@@ -222,7 +222,7 @@ class AttitudeTrack:
                 return
         self._filter.restore(now)
         self._trial = None
-        if self._filter.doubt_gyro():
+        if self._filter.doubt_gyro(self._agreement.missing_rad):
             self._trial = self._filter.save()
             self._filter.restore(now)
             self._confirmation.begin()

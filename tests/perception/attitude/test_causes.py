@@ -84,6 +84,20 @@ def test_a_bias_that_jumps_is_followed_without_an_alarm(jump_degps: tuple[float,
 
 
 @pytest.mark.parametrize(
+    "jump_degps", [(5.0, 0.0, 0.0), (0.0, 5.0, 0.0), (0.0, 3.0, 0.0), (3.0, 3.0, 0.0), (1.5, 1.5, 0.0)]
+)
+def test_the_tilt_that_a_bias_has_made_is_corrected_once_the_bias_is_found(
+    jump_degps: tuple[float, float, float],
+) -> None:
+    """Neither a ground that moves nor a camera that has slipped is named instead."""
+    x, y, z = np.radians(jump_degps)
+    followed = follow(WALKING_NS + 5 * S, rated((x, y, z)))
+    assert worst(followed, since_s=2.0) < 0.5
+    assert followed[-1].reason is Reason.NONE
+    assert not followed[-1].ground_moves
+
+
+@pytest.mark.parametrize(
     ("acceleration", "turn_degps"),
     [((1.2, 0.0, 0.0), 0.0), ((0.0, 0.3, 0.0), 0.0), ((0.0, 0.0, 1.0), 0.0), ((0.0, 1.5, 0.0), 20.0)],
     ids=["bus", "slow bus", "lift", "bus that turns"],
@@ -97,6 +111,32 @@ def test_a_ground_that_moves_is_noticed_and_the_gyroscope_carries_the_vertical(
     assert sum(step.reason is not Reason.NONE for step in followed) < 0.1 * len(followed)
     assert any(step.ground_moves for step in followed)
     assert worst(followed) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("bias_mps2", "since_s", "rate_degps"),
+    [(0.6, 1.8, (2.0, 0.0, 0.0)), (1.0, 1.8, (2.0, 0.0, 0.0)), (1.0, 1.5, (0.0, 1.5, 0.0))],
+    ids=["another direction", "another direction, twice as large", "too small"],
+)
+def test_a_turn_that_made_no_such_tilt_leaves_the_ground_moving(
+    bias_mps2: float, since_s: float, rate_degps: tuple[float, float, float]
+) -> None:
+    """A bias of the accelerometer that jumps looks like a ground that moves; a bias of the gyroscope after it has not
+    made the tilt of 3 to 6° that would explain that acceleration as well."""
+
+    def jumped(arrival: SampleAt | EgoMotion) -> SampleAt | EgoMotion:
+        if isinstance(arrival, EgoMotion) or _since_walking_s(arrival.t_ns) < 1.0:
+            return arrival
+        rate_radps = np.radians(rate_degps) * (_since_walking_s(arrival.t_ns) > since_s)
+        return replace(
+            arrival,
+            sf_B_mps2=vec3(np.add(arrival.sf_B_mps2, (bias_mps2, 0.0, 0.0))),
+            w_B_radps=vec3(np.add(arrival.w_B_radps, rate_radps)),
+        )
+
+    followed = follow(WALKING_NS + 5 * S, jumped)
+    assert any(step.ground_moves for step in followed)
+    assert worst(followed) < 1.3
 
 
 @pytest.mark.parametrize("axis_B", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
