@@ -76,6 +76,15 @@ def test_halves_of_different_estimates_are_never_joined() -> None:
     assert bus.feed(*bus.frames())[0] is Refusal.FIRST_HALF
 
 
+@pytest.mark.parametrize(("after_ns", "taken"), [(12_500_000, True), (12_499_999, False)])
+def test_a_pair_may_come_a_quarter_of_a_cycle_after_the_last_and_no_sooner(after_ns: int, taken: bool) -> None:
+    bus = Bus().settled()
+    bus.feed(*bus.frames())
+    pair = bus.frames()
+    bus.t_ns += after_ns - CYCLE_NS
+    assert (Refusal.TOO_SOON in bus.feed(*pair)) is not taken
+
+
 def test_a_second_half_alone_is_refused_and_used_once() -> None:
     bus = Bus().settled()
     first, second = bus.frames()
