@@ -107,20 +107,13 @@ def _doubt_turn(kalman: AttitudeKalman, state: AttitudeState, duration_s: float)
         by_tilt_W = -settings.gravity_mps2 * CROSS_UP @ missing_rad
         if _is_explained(np.array(ground.acceleration_W), by_tilt_W, settings.camera.ground_at_rest_mps2):
             _rest_ground(kalman, state, 0.0, _MOST_FOLLOWED * math.hypot(missing_rad[0], missing_rad[1]))
-    P, tilted_rad = state.covariance, _tilt_of(missing_rad)
+    P, tilted_rad = state.covariance, missing_rad * _TILT
     P[GYRO_BIAS, GYRO_BIAS] += np.eye(3) * settings.gyro_bias_radps**2
     _doubt_tilt(P, np.outer(tilted_rad, tilted_rad))
     since_s = min(settings.camera.memory_s, state.explained_s)
-    P[VELOCITY, VELOCITY] += (settings.gravity_mps2 * math.hypot(*tilted_rad) * since_s / 2.0) ** 2 * _HORIZONTAL
+    P[VELOCITY, VELOCITY] += (settings.gravity_mps2 * math.hypot(*tilted_rad) * since_s / 2.0) ** 2 * np.diag(_TILT)
     if abs(yaw_rate_radps) > settings.camera.least_ground_turn_radps:
         _doubt_ground(state, settings.camera)
-
-
-def _tilt_of(turn_rad: FloatArray) -> FloatArray:
-    """Return the horizontal part (3,) of a turn in W, beside what a turn about the vertical leans by."""
-    tilt_rad: FloatArray = turn_rad * (1.0, 1.0, 0.0)
-    size_rad, leaning_rad = float(np.linalg.norm(tilt_rad)), _LEANING * float(np.linalg.norm(turn_rad))
-    return tilt_rad * (1.0 - leaning_rad / size_rad) if size_rad > leaning_rad else np.zeros(3)
 
 
 def _is_explained(acceleration_W: FloatArray, by_tilt_W: FloatArray, usual_mps2: float) -> bool:
@@ -141,8 +134,8 @@ def _doubt_ground(state: AttitudeState, settings: CameraStepSettings) -> None:
     ground.usual_square = settings.ground_mps2**2
     P[GROUND, GROUND] += ground_var(ground.usual_square)
     P[VELOCITY, VELOCITY] += np.eye(3) * settings.ground_jump_mps**2
-    tilted_rad = _tilt_of(state.contradictions.missing_rad)
-    _doubt_tilt(P, settings.jump_tilt_rad**2 * _HORIZONTAL + np.outer(tilted_rad, tilted_rad))
+    tilted_rad = state.contradictions.missing_rad * _TILT
+    _doubt_tilt(P, settings.jump_tilt_rad**2 * np.diag(_TILT) + np.outer(tilted_rad, tilted_rad))
     P[GYRO_BIAS, GYRO_BIAS] += np.eye(3) * settings.ground_jump_radps**2
     if not ground.moves:
         ground.moves, ground.frozen_scale_var = True, float(P[SCALE, SCALE][0, 0])
@@ -257,12 +250,10 @@ def _scale_deviation(kalman: AttitudeKalman, state: AttitudeState) -> float:
 
 _FAR_SIGMAS = 3.0
 """Standard deviations that an error of the calibration, or of an estimate, may have."""
-_HORIZONTAL = np.diag((1.0, 1.0, 0.0))
-"""What of a small rotation in W, (3, 3), is tilt."""
+_TILT = np.array((1.0, 1.0, 0.0))
+"""What of a small rotation in W is tilt, by component."""
 _BY_TURN, _BY_TRAVEL = np.eye(6)[:, :3], np.eye(6)[:, 3:]
 """G of (7) for a turn and a travel in W, each (6, 3)."""
-_LEANING = 0.2
-"""By such a share of a turn about the vertical its axis, as noise and the tilt have it, leans."""
 _MOST_FOLLOWED = 2.0
 """So many times what is left of a jump it may have been."""
 _RCOND = 1e-9

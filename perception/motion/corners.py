@@ -71,22 +71,12 @@ def corners(image: GreyImage) -> Float32Array:
     return (np.column_stack((u[kept], v[kept])) + off_centre).astype(np.float32)
 
 
-def tracked(
-    before: GreyImage, after: GreyImage, points_px: Float32Array, guess_px: Float32Array, levels: int
-) -> tuple[Float32Array, BoolArray]:
-    """Return where `points_px` (N, 2) of one picture are in another, and which, followed back, end where they began."""
-    there_px, found = followed(before, after, points_px, guess_px, levels)
-    back_px, returned = followed(after, before, there_px, points_px, 0, _STOP_NEAR)
-    closed = np.abs(back_px - points_px).max(axis=1, initial=0.0) < _MOST_RETURN_PX
-    return there_px, found & returned & closed
-
-
 def followed(
     before: GreyImage,
     after: GreyImage,
     points_px: Float32Array,
     guess_px: Float32Array,
-    levels: int,
+    levels: int = 0,
     stop: tuple[int, int, float] | None = None,
 ) -> tuple[Float32Array, BoolArray]:
     """Return where `points_px` (N, 2) of one picture are in another, and which of them were found there, but not where
@@ -105,10 +95,22 @@ def followed(
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW | cv2.OPTFLOW_LK_GET_MIN_EIGENVALS,  # which cost less than OpenCV's errors
     )
     found_px: Float32Array = there_px.reshape(-1, 2).astype(np.float32)
-    height, width = after.shape
+    return found_px, inside(after, found_px) & (status.ravel() == 1)
+
+
+def returned(before: GreyImage, after: GreyImage, points_px: Float32Array, found_px: Float32Array) -> BoolArray:
+    """Return which of `points_px` (N, 2), found at `found_px` (N, 2), end where they began when followed back."""
+    back_px, found = followed(after, before, found_px, points_px, stop=_STOP_NEAR)
+    closed: BoolArray = np.abs(back_px - points_px).max(axis=1, initial=0.0) < _MOST_RETURN_PX
+    return found & closed
+
+
+def inside(image: GreyImage, points_px: Float32Array) -> BoolArray:
+    """Return about which of `points_px` (N, 2) the window lies within the picture."""
+    height, width = image.shape
     last_px = np.array((width - 1 - _BORDER_PX, height - 1 - _BORDER_PX))
-    inside: BoolArray = np.all((found_px >= _BORDER_PX) & (found_px <= last_px), axis=1)
-    return found_px, inside & (status.ravel() == 1)
+    within: BoolArray = np.all((points_px >= _BORDER_PX) & (points_px <= last_px), axis=1)
+    return within
 
 
 def is_ambiguous(left: GreyImage, right: GreyImage, corner_px: Float32Array, matched_px: Float32Array) -> bool:

@@ -18,10 +18,10 @@ import numpy as np
 from messages import StereoCalibration
 from messages.arrays import Float32Array, FloatArray, GreyImage
 from perception import so3
-from perception.motion.corners import tracked
 from perception.motion.distance_jump import DistanceJumps
 from perception.motion.inner_motion import InnerMotion, steady_motion
 from perception.motion.rigid_step import PointsInStep, RigidStepSettings, solve
+from perception.motion.sheared import Shear
 from perception.motion.stereo_points import NO_SKEW, StereoPoints, View
 
 
@@ -156,7 +156,7 @@ class VisualOdometer:
         R, p_m = inner.at(np.array([step_s]))
         guess_px = self._stereo.left.pixels((before.points_C - p_m) @ R[0])
         levels = 0 if self._guess_noise_px(inner, step_s) < _NEAR_PX else 2
-        seen_px, good = tracked(before.left, pair.left, before.corners_px, guess_px, levels)
+        seen_px, good = Shear(before.corners_px, guess_px).tracked(before.left, pair.left, levels)
         if np.count_nonzero(good) < self.least_tracks:
             return None
         seen_px, points_C = seen_px[good], before.points_C[good]

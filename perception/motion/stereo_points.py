@@ -13,7 +13,7 @@ from messages.arrays import BoolArray, Float32Array, FloatArray, FloatImage, Gre
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window
 from perception.motion.corners import REACH_PX, Eye, corners, detail, is_ambiguous
-from perception.motion.slanted import Slant
+from perception.motion.sheared import Shear
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class StereoPoints:
         focal length, and which were found there."""
         away_C = rays_C.copy()
         away_C[:, 0] -= guess
-        return Slant(corners_px, self._right.pixels(away_C)).matched(left, right)
+        return Shear(corners_px, self._right.pixels(away_C)).matched(left, right)
 
     def _apart(self, rays_C: FloatArray, matched_px: Float32Array) -> tuple[FloatArray, FloatArray]:
         """Return disparity and skew (N,), in units of the focal length, of rays (N, 3) and the right eye's pixels."""

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from messages.arrays import GreyImage
-from perception.motion.corners import corners, detail, is_ambiguous, tracked
+from perception.motion.corners import corners, detail, is_ambiguous
+from perception.motion.sheared import Shear
 
 
 def texture(seed: int, height: int = 720, width: int = 1280) -> GreyImage:
@@ -38,7 +39,7 @@ def test_brightness_and_shade_do_not_pass_for_a_motion(contrast: float) -> None:
     one, other = (detail(np.rint(each).astype(np.uint8), 4) for each in (picture, moved))
     points_px = corners(one)
     points_px = points_px[points_px[:, 0] < 300]
-    found_px, good = tracked(one, other, points_px, points_px, levels=2)
+    found_px, good = Shear(points_px, points_px).tracked(one, other, levels=2)
     error_px = (found_px - points_px - np.array([3.0, 0.0]))[good]
     assert good.mean() > 0.8
     assert np.abs(np.median(error_px, axis=0)).max() < 0.02 / contrast**0.5
@@ -48,7 +49,7 @@ def test_what_the_window_sees_only_in_part_is_not_found() -> None:
     picture = texture(4)
     one, other = (detail(each, 4) for each in (picture, np.roll(picture, 24, axis=0)))
     points_px = corners(one)
-    _, good = tracked(one, other, points_px, points_px + np.array([0.0, 6.0], np.float32), levels=0)
+    _, good = Shear(points_px, points_px + np.array([0.0, 6.0], np.float32)).tracked(one, other, levels=0)
     in_part = points_px[:, 1] + 6.0 > 175.0
     assert in_part.sum() >= 5
     assert not good[in_part].any()
