@@ -7,6 +7,12 @@ what lies below the line of sight: from the optical centre, a lip at u_l, h belo
 
 so what is first seen beyond it is what follows the lip only if no tread fits in between. Until then it is known that
 the ground lies below that line: one tread t behind the lip, lower by h t / u_l at least.
+
+Of what is seen too little may be left to tell its slope β, by which the rise at the edge is extrapolated over what is
+hidden. Treads and kerbs lie about as the ground before them does, at β_0; with the variances of both and of how they
+differ,
+
+    β' = (β / σ_β² + β_0 / σ_0²) / (1 / σ_β² + 1 / σ_0²).                                                        (2)
 """
 
 import itertools
@@ -38,16 +44,33 @@ class Edge:
 
 def find_edges(surfaces: list[Surface], points: PathPoints, yaw_rad: float) -> list[Edge]:
     """Return the edges between `surfaces` that follow one another on the profile along `yaw_rad`."""
-    edges = [_edge(before, after, points, yaw_rad) for before, after in itertools.pairwise(surfaces)]
+    edges = []
+    for before, after in itertools.pairwise(_side_by_side(surfaces)):
+        rise_m = _rise_m(before, after)
+        if abs(rise_m) >= LEAST_RISE_M:
+            edges.append((_rising if rise_m > 0.0 else _falling)(before, after, points, yaw_rad))
     return [edge for edge in edges if edge is not None]
 
 
-def _edge(before: Surface, after: Surface, points: PathPoints, yaw_rad: float) -> Edge | None:
+def _side_by_side(surfaces: list[Surface]) -> list[Surface]:
+    """Return the surfaces with the slopes (2); where two meet without an edge, each keeps its own."""
+    told = surfaces[:1]
+    for after in surfaces[1:]:
+        told.append(_as_parallel(after, told[-1]) if abs(_rise_m(told[-1], after)) >= LEAST_RISE_M else after)
+    return told
+
+
+def _rise_m(before: Surface, after: Surface) -> float:
+    """Return how much higher the ground is behind where two surfaces meet."""
     meet_m = 0.5 * (before.to_m + after.from_m)
-    rise_m = after.at(meet_m) - before.at(meet_m)
-    if abs(rise_m) < LEAST_RISE_M:
-        return None
-    return _rising(before, after, points, yaw_rad) if rise_m > 0.0 else _falling(before, after, points, yaw_rad)
+    return after.at(meet_m) - before.at(meet_m)
+
+
+def _as_parallel(after: Surface, before: Surface) -> Surface:
+    """Return a surface with the slope (2) that its own points and the surface before it tell together."""
+    own, other = after.slope_sd**-2, 1.0 / (before.slope_sd**2 + _SLOPE_APART**2)
+    slope = (own * after.slope + other * before.slope) / (own + other)
+    return replace(after, slope=slope, slope_sd=float((own + other) ** -0.5))
 
 
 def _rising(before: Surface, after: Surface, points: PathPoints, yaw_rad: float) -> Edge | None:
@@ -79,7 +102,7 @@ def _falling(before: Surface, after: Surface, points: PathPoints, yaw_rad: float
     edge, hidden_m = _between(before, after, line, lip_m), after.from_m - lip_m
     if hidden_m < LEAST_TREAD_M:
         return edge
-    at_least_m = height_m * min(hidden_m - _DOUBTFUL_M, LEAST_TREAD_M) / lip_m  # (1)
+    at_least_m = height_m * min(hidden_m - _DOUBTFUL * lip_m, LEAST_TREAD_M) / lip_m  # (1)
     return replace(edge, rise_m=-at_least_m, rise_sd_m=before.sd_at(lip_m), bound_only=True)
 
 
@@ -140,7 +163,8 @@ def _farthest_across(x_m: FloatArray, y_m: FloatArray) -> _Across | None:
 
 LEAST_RISE_M = 0.04
 LEAST_TREAD_M = 0.22
-_DOUBTFUL_M = 0.06  # of what seems hidden: the first bins behind a lip may be seen and not match
+_SLOPE_APART = 0.02
+_DOUBTFUL = 0.05  # of the distance: so much behind a lip may be seen and not match
 _FACE_REACH_M = 0.06
 _LIP_REACH_M = 0.08
 _LIP_HEIGHT_M = 0.02

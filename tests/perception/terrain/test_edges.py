@@ -85,6 +85,40 @@ def test_a_drop_is_told_with_its_height_once_enough_of_what_follows_is_seen(
         assert edge.rise_m == pytest.approx(-drop_m, abs=0.010)
 
 
+def test_the_drops_between_short_treads_seen_from_afar_are_right_to_millimetres() -> None:
+    """A third of each tread is in view: its own slope, extrapolated over what is hidden, would be off by 4 mm RMS."""
+    off_m = [
+        edge.rise_m + 0.17
+        for seed in range(12)
+        for edge in found(points_seen(flight(1.0, -0.17, 0.30, 8), height_m=0.9, seed=seed, noise_px=0.2))[1]
+        if not edge.bound_only and edge.distance_m < 1.8
+    ]
+    assert len(off_m) > 20
+    assert math.sqrt(np.mean(np.square(off_m))) < 0.0025
+
+
+def test_no_surface_is_laid_over_the_nosings_of_a_flight() -> None:
+    """Half of each tread is hidden, and the line through what is seen of them falls by 19°."""
+    for seed in range(3):
+        surfaces, edges = found(points_seen(flight(1.4, -0.125, 0.355, 8), height_m=0.9, seed=seed, noise_px=0.2))
+        assert all(surface.to_m - surface.from_m < 0.25 for surface in surfaces[1:3])
+        assert nearest(edges, 1.4).rise_m == pytest.approx(-0.125, abs=0.02)
+
+
+def test_a_ramp_of_15_degrees_is_ground() -> None:
+    slope = math.tan(math.radians(15.0))
+    surfaces, edges = found(points_seen([(-1.0, 0.0, 0.8, 0.0), (0.8, 0.0, 4.0, -3.2 * slope)]))
+    assert edges == []
+    assert surfaces[-1].slope == pytest.approx(-slope, abs=0.02)
+
+
+def test_a_kerb_beyond_which_a_ramp_is_well_seen_keeps_the_ramps_slope() -> None:
+    slope = math.tan(math.radians(8.0))
+    pieces: list[Piece] = [(-1.0, 0.0, 0.7, 0.0), (0.7, 0.0, 0.7, -0.10), (0.7, -0.10, 4.0, -0.10 + 3.3 * slope)]
+    _, edges = found(points_seen(pieces))
+    assert nearest(edges, 0.7).rise_m == pytest.approx(-0.10, abs=0.008)
+
+
 def test_behind_a_lip_that_hides_a_whole_tread_only_a_bound_is_told() -> None:
     pieces: list[Piece] = [(-1.0, 0.0, 1.4, 0.0), (1.4, 0.0, 1.4, -0.5), (1.4, -0.5, 6.0, -0.5)]
     _, edges = found(points_seen(pieces))
