@@ -1,7 +1,6 @@
 """Profile, surfaces and edges of paths whose geometry is known."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from hypothesis import strategies as st
 
 from perception.terrain.edges import Edge, find_edges
 from perception.terrain.path_points import PathPoints
-from perception.terrain.profile import profile_of, roughness_m
+from perception.terrain.profile import profile_of
 from perception.terrain.surfaces import Surface, find_surfaces
 from tests.bench.path_scene import Piece, flight, points_seen
 
@@ -148,16 +147,6 @@ def test_what_the_matcher_puts_along_the_line_of_sight_is_no_surface() -> None:
 def test_no_point_gives_no_surface() -> None:
     empty = PathPoints(*(np.empty(0) for _ in range(6)))
     assert find_surfaces(profile_of(empty, 0.0, WIDTH_M)) == []
-
-
-@pytest.mark.parametrize("rms_m", [0.012, 0.03])
-def test_bumps_across_the_path_are_roughness_and_stairs_and_ramps_are_none(rms_m: float) -> None:
-    even = points_seen(flight(0.6, 0.15, 0.3, 3), yaw_rad=0.2)
-    assert roughness_m(even, profile_of(even, 0.2, WIDTH_M), 0.2) < 0.004
-    ground = points_seen([(-1.0, 0.0, 6.0, 0.0)])
-    bumps_m = rms_m * 2.0 * np.sin(ground.x_m / 0.06) * np.sin(ground.y_m / 0.06)
-    rough = replace(ground, z_m=ground.z_m + bumps_m)
-    assert roughness_m(rough, profile_of(rough, 0.0, WIDTH_M), 0.0) > 0.5 * rms_m
 
 
 @settings(max_examples=40, deadline=None)
