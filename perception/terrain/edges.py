@@ -6,7 +6,10 @@ what lies below the line of sight: from the optical centre, a lip at u_l, h belo
     u_s = u_l h' / h                                                                                            (1)
 
 so what is first seen beyond it is what follows the lip only if no tread fits in between. Until then it is known that
-the ground lies below that line: one tread t behind the lip, lower by h t / u_l at least.
+the ground lies below that line: one tread t behind the lip, lower by h t / u_l at least. Ground may be in view and not
+match, so no more is told than the share of one of as many equal steps as fit in before the next surface. Of steep
+flights slivers of treads are seen first, too narrow for surfaces: points between the lip and the next surface, below
+the one and above the other, that begin where (1) has them.
 
 Of what is seen too little may be left to tell its slope β, by which the rise at the edge is extrapolated over what is
 hidden. Treads and kerbs lie about as the ground before them does, at β_0; with the variances of both and of how they
@@ -22,6 +25,7 @@ import numpy as np
 
 from messages.arrays import FloatArray
 from perception.terrain.path_points import PathPoints
+from perception.terrain.profile import BIN_M
 from perception.terrain.surfaces import Surface
 
 
@@ -97,13 +101,38 @@ def _falling(before: Surface, after: Surface, points: PathPoints, yaw_rad: float
     between_rows_m = 0.5 * float(np.median(points.along_m[upper]))
     line = replace(line, distance_sd_m=float(np.hypot(line.distance_sd_m, between_rows_m)))
     lip_m, height_m = line.distance_m, -before.at(line.distance_m)
-    if after.from_m > lip_m * -after.at(after.from_m) / height_m + _FROM_SHADOW_M:  # (1)
+    edge = _between(before, after, line, lip_m)
+    sliver = _sliver(before, after, points, u_m, lip_m * (1.0 + _DOUBTFUL))
+    from_m, z_m = sliver or (after.from_m, after.at(after.from_m))
+    if from_m > lip_m * -z_m / height_m + _FROM_SHADOW_M:  # (1)
         return None
-    edge, hidden_m = _between(before, after, line, lip_m), after.from_m - lip_m
-    if hidden_m < LEAST_TREAD_M:
+    hidden_m = from_m - lip_m
+    if sliver is None and hidden_m < LEAST_TREAD_M:
         return edge
-    at_least_m = height_m * min(hidden_m - _DOUBTFUL * lip_m, LEAST_TREAD_M) / lip_m  # (1)
+    at_least_m = min(
+        height_m * min(hidden_m - _DOUBTFUL * lip_m, LEAST_TREAD_M) / lip_m,  # (1)
+        -edge.rise_m / (1 + int((after.from_m - lip_m) / LEAST_TREAD_M)),
+    )
+    if at_least_m < LEAST_RISE_M:
+        return None
     return replace(edge, rise_m=-at_least_m, rise_sd_m=before.sd_at(lip_m), bound_only=True)
+
+
+def _sliver(
+    before: Surface, after: Surface, points: PathPoints, u_m: FloatArray, from_m: float
+) -> tuple[float, float] | None:
+    """Return where what is seen between two surfaces begins, below the one and above the other, and how high it is.
+
+    `u_m` (n,) are the places of the `points` along the path, of which those beyond `from_m` count. None where less is
+    seen than half a bin of the profile.
+    """
+    above_m = points.z_m - after.at(0.0) - after.slope * u_m
+    below_m = before.at(0.0) + before.slope * u_m - points.z_m
+    on = (u_m > from_m) & (u_m < after.from_m) & (np.minimum(above_m, below_m) > LEAST_RISE_M)
+    if float(points.area_m2[on].sum()) < _SLIVER_M2:
+        return None
+    begins_m = float(np.quantile(u_m[on], _NEAREST))
+    return begins_m, float(np.median(points.z_m[on & (u_m < begins_m + BIN_M)]))
 
 
 def _between(before: Surface, after: Surface, line: "_Across", at_m: float) -> Edge:
@@ -169,6 +198,8 @@ _FACE_REACH_M = 0.06
 _LIP_REACH_M = 0.08
 _LIP_HEIGHT_M = 0.02
 _FROM_SHADOW_M = 0.08
+_SLIVER_M2 = 0.005
+_NEAREST = 0.1
 _STRIP_M = 0.02
 _LEAST_OF_STRIP = 2
 _LEAST_POINTS = 8

@@ -104,6 +104,37 @@ def test_no_surface_is_laid_over_the_nosings_of_a_flight() -> None:
         assert nearest(edges, 1.4).rise_m == pytest.approx(-0.125, abs=0.02)
 
 
+@pytest.mark.parametrize("start_m", [0.95, 1.1, 1.2])
+def test_a_steep_flight_is_known_while_only_slivers_of_its_treads_and_the_landing_are_seen(start_m: float) -> None:
+    """Slivers are 3 to 7 cm long: too narrow for surfaces, but they lie below the lip where its shadow ends."""
+    for seed in range(3):
+        surfaces, edges = found(points_seen(flight(start_m, -0.18, 0.255, 3), height_m=0.95, seed=seed, noise_px=0.1))
+        assert surfaces[1].from_m > start_m + 0.3
+        edge = nearest(edges, start_m)
+        assert edge.distance_m == pytest.approx(start_m, abs=0.03)
+        assert edge.bound_only
+        assert -0.19 < edge.rise_m < -0.08
+
+
+def test_where_ground_behind_a_lip_does_not_match_the_bound_still_holds() -> None:
+    """The first tread is in view and unmatched, as where there is no texture: the landing is not what follows."""
+    for seed in range(3):
+        points = points_seen(flight(1.1, -0.16, 0.25, 2), seed=seed)
+        points = points.where((points.z_m > -0.95 - 0.05) | (points.z_m < -0.95 - 0.25))
+        _, edges = found(points)
+        edge = nearest(edges, 1.1)
+        assert edge.bound_only
+        assert -0.16 - 0.01 < edge.rise_m < -0.06
+
+
+def test_lower_ground_far_behind_where_matching_ends_is_no_edge() -> None:
+    """Between both nothing is seen: where the one ends is not known."""
+    pieces: list[Piece] = [(-1.0, 0.0, 1.6, 0.0), (1.6, 0.0, 1.6, -0.12), (1.6, -0.12, 6.0, -0.12)]
+    points = points_seen(pieces)
+    _, edges = found(points.where((points.x_m < 0.9) | (points.x_m > 1.65)))
+    assert edges == []
+
+
 def test_a_ramp_of_15_degrees_is_ground() -> None:
     slope = math.tan(math.radians(15.0))
     surfaces, edges = found(points_seen([(-1.0, 0.0, 0.8, 0.0), (0.8, 0.0, 4.0, -3.2 * slope)]))
