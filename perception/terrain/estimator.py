@@ -73,8 +73,10 @@ class TerrainEstimator:
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(np.array(w_WB_B_radps)) @ self._p_BC_m
         edges = self._memory.expected(t_ns, v_C_W[:2], math.atan2(R_WH[1, 0], R_WH[0, 0]))
         gone_m = seen.ahead_and_up_m(t_ns, v_C_W, R_WH)
-        surfaces = tuple(moved(surface, *gone_m) for surface in seen.surfaces)
-        return PathAhead(tuple(edges), surfaces, seen.yaw_rad)
+        surfaces, before = (
+            tuple(moved(surface, *gone_m) for surface in each) for each in (seen.surfaces, seen.shown_before)
+        )
+        return PathAhead(tuple(edges), surfaces, seen.yaw_rad, before)
 
     def estimate(
         self,
@@ -119,7 +121,8 @@ class TerrainEstimator:
         edges = self._memory.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, found, surfaces)
         obstacles = self._obstacles.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, things)
         known = self._known_surfaces(frame.header.t_exposure_ns, v_C_W, R_WH, surfaces)
-        self._seen = _Seen(frame.header.t_exposure_ns, v_C_W, surfaces, yaw_rad)
+        before = known[: len(known) - len(surfaces)]
+        self._seen = _Seen(frame.header.t_exposure_ns, v_C_W, surfaces, before, yaw_rad)
         self._follow_height(surfaces)
         if not surfaces:
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.LOW_TEXTURE)
@@ -164,11 +167,13 @@ class TerrainEstimator:
 
 
 class _Seen(NamedTuple):
-    """The surfaces of a frame, along u of this yaw, and the camera's velocity in W (3,) then."""
+    """The surfaces of a frame, and nearer than these those shown before, along u of this yaw; the camera's velocity in
+    W (3,) then."""
 
     t_ns: int
     v_W_mps: FloatArray
     surfaces: list[Surface]
+    shown_before: list[Surface]
     yaw_rad: float
 
     def lasts(self, t_ns: int) -> bool:
