@@ -35,7 +35,7 @@ class View:
 @dataclass(frozen=True)
 class Aim:
     """The region to measure, or the `reason` why the surface under the foothold cannot be. Where it is `passed` the
-    picture does not reach down to it any more."""
+    picture does not show it any more: it does not reach down to it, or legs hide it."""
 
     region: FootholdRegion
     reason: Reason = Reason.NONE
@@ -60,9 +60,11 @@ def aimed(settings: FootholdSettings, place_m: tuple[float, float] | None, path:
         if lip.bound_only or to_m - from_m < _LEAST_LENGTH_M:
             return replace(place, reason=Reason.OCCLUDED)
     if bounded:
-        surface = path.surface_at(ahead_m + aside_m * math.tan(path.yaw_rad))
+        u_m = ahead_m + aside_m * math.tan(path.yaw_rad)
+        surface = path.surface_at(u_m)
         if surface is None:
-            return replace(place, reason=Reason.FOOTHOLD_OUT_OF_VIEW, passed=ahead_m < view.nearest_m)
+            passed = ahead_m < view.nearest_m or path.known_at(u_m) is not None
+            return replace(place, reason=Reason.FOOTHOLD_OUT_OF_VIEW, passed=passed)
         from_m, to_m = max(from_m, surface.from_m), min(to_m, surface.to_m)
     elif place_m is None:
         return replace(place, region=fixed)

@@ -172,7 +172,7 @@ class GroundEstimator:
         v_C_W_mps: FloatArray,
         distance_scale: float,
     ) -> GroundPlane:
-        """Return the ground under a foothold that the picture does not reach down to any more: as it was last seen."""
+        """Return the ground under a foothold that the picture does not show any more: as it was last seen."""
         t_ns = frame.header.t_exposure_ns
         carried = self._tracker.carried(t_ns, R_WH, v_C_W_mps, _of_slopes(rotation_cov_W))
         if carried is None:
@@ -230,7 +230,7 @@ class GroundEstimator:
         self._region = aim.region
         if aim.reason is not Reason.NONE and not aim.passed:
             return aim
-        begins = expected is None and aim.region.bounded
+        begins = expected is None and (aim.region.bounded or aim.passed)
         if self._change.has_come(t_ns, aim.region, path) or begins:
             under = plane_under(aim.region, path)
             if under is None:

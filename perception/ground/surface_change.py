@@ -42,7 +42,7 @@ def plane_under(region: FootholdRegion, path: PathAhead) -> tuple[Plane, FloatAr
     """
     along = math.tan(path.yaw_rad)
     u_m = region.ahead_m + region.left_m * along
-    surface = path.surface_at(u_m)
+    surface = path.known_at(u_m)
     if surface is None:
         return None
     at_region = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [region.ahead_m, region.left_m, 1.0]])

@@ -6,7 +6,16 @@ what lies below the line of sight: from the optical centre, a lip at u_l, h belo
     u_s = u_l h' / h                                                                                            (1)
 
 so what is first seen beyond it is what follows the lip only if no tread fits in between. Until then it is known that
-the ground lies below that line: one tread t behind the lip, lower by h t / u_l at least.
+the ground lies below that line: one tread t behind the lip, lower by h t / u_l at least. Ground may be in view and not
+match, so no more is told than the share of one of as many equal steps as fit in before the next surface. Of steep
+flights slivers of treads are seen first, too narrow for surfaces: points between the lip and the next surface, below
+the one and above the other, that begin where (1) has them.
+
+Of what is seen too little may be left to tell its slope β, by which the rise at the edge is extrapolated over what is
+hidden. Treads and kerbs lie about as the ground before them does, at β_0; with the variances of both and of how they
+differ,
+
+    β' = (β / σ_β² + β_0 / σ_0²) / (1 / σ_β² + 1 / σ_0²).                                                        (2)
 """
 
 import itertools
@@ -16,6 +25,7 @@ import numpy as np
 
 from messages.arrays import FloatArray
 from perception.terrain.path_points import PathPoints
+from perception.terrain.profile import BIN_M
 from perception.terrain.surfaces import Surface
 
 
@@ -38,16 +48,33 @@ class Edge:
 
 def find_edges(surfaces: list[Surface], points: PathPoints, yaw_rad: float) -> list[Edge]:
     """Return the edges between `surfaces` that follow one another on the profile along `yaw_rad`."""
-    edges = [_edge(before, after, points, yaw_rad) for before, after in itertools.pairwise(surfaces)]
+    edges = []
+    for before, after in itertools.pairwise(_side_by_side(surfaces)):
+        rise_m = _rise_m(before, after)
+        if abs(rise_m) >= LEAST_RISE_M:
+            edges.append((_rising if rise_m > 0.0 else _falling)(before, after, points, yaw_rad))
     return [edge for edge in edges if edge is not None]
 
 
-def _edge(before: Surface, after: Surface, points: PathPoints, yaw_rad: float) -> Edge | None:
+def _side_by_side(surfaces: list[Surface]) -> list[Surface]:
+    """Return the surfaces with the slopes (2); where two meet without an edge, each keeps its own."""
+    told = surfaces[:1]
+    for after in surfaces[1:]:
+        told.append(_as_parallel(after, told[-1]) if abs(_rise_m(told[-1], after)) >= LEAST_RISE_M else after)
+    return told
+
+
+def _rise_m(before: Surface, after: Surface) -> float:
+    """Return how much higher the ground is behind where two surfaces meet."""
     meet_m = 0.5 * (before.to_m + after.from_m)
-    rise_m = after.at(meet_m) - before.at(meet_m)
-    if abs(rise_m) < LEAST_RISE_M:
-        return None
-    return _rising(before, after, points, yaw_rad) if rise_m > 0.0 else _falling(before, after, points, yaw_rad)
+    return after.at(meet_m) - before.at(meet_m)
+
+
+def _as_parallel(after: Surface, before: Surface) -> Surface:
+    """Return a surface with the slope (2) that its own points and the surface before it tell together."""
+    own, other = after.slope_sd**-2, 1.0 / (before.slope_sd**2 + _SLOPE_APART**2)
+    slope = (own * after.slope + other * before.slope) / (own + other)
+    return replace(after, slope=slope, slope_sd=float((own + other) ** -0.5))
 
 
 def _rising(before: Surface, after: Surface, points: PathPoints, yaw_rad: float) -> Edge | None:
@@ -74,13 +101,38 @@ def _falling(before: Surface, after: Surface, points: PathPoints, yaw_rad: float
     between_rows_m = 0.5 * float(np.median(points.along_m[upper]))
     line = replace(line, distance_sd_m=float(np.hypot(line.distance_sd_m, between_rows_m)))
     lip_m, height_m = line.distance_m, -before.at(line.distance_m)
-    if after.from_m > lip_m * -after.at(after.from_m) / height_m + _FROM_SHADOW_M:  # (1)
+    edge = _between(before, after, line, lip_m)
+    sliver = _sliver(before, after, points, u_m, lip_m * (1.0 + _DOUBTFUL))
+    from_m, z_m = sliver or (after.from_m, after.at(after.from_m))
+    if from_m > lip_m * -z_m / height_m + _FROM_SHADOW_M:  # (1)
         return None
-    edge, hidden_m = _between(before, after, line, lip_m), after.from_m - lip_m
-    if hidden_m < LEAST_TREAD_M:
+    hidden_m = from_m - lip_m
+    if sliver is None and hidden_m < LEAST_TREAD_M:
         return edge
-    at_least_m = height_m * min(hidden_m - _DOUBTFUL_M, LEAST_TREAD_M) / lip_m  # (1)
+    at_least_m = min(
+        height_m * min(hidden_m - _DOUBTFUL * lip_m, LEAST_TREAD_M) / lip_m,  # (1)
+        -edge.rise_m / (1 + int((after.from_m - lip_m) / LEAST_TREAD_M)),
+    )
+    if at_least_m < LEAST_RISE_M:
+        return None
     return replace(edge, rise_m=-at_least_m, rise_sd_m=before.sd_at(lip_m), bound_only=True)
+
+
+def _sliver(
+    before: Surface, after: Surface, points: PathPoints, u_m: FloatArray, from_m: float
+) -> tuple[float, float] | None:
+    """Return where what is seen between two surfaces begins, below the one and above the other, and how high it is.
+
+    `u_m` (n,) are the places of the `points` along the path, of which those beyond `from_m` count. None where less is
+    seen than half a bin of the profile.
+    """
+    above_m = points.z_m - after.at(0.0) - after.slope * u_m
+    below_m = before.at(0.0) + before.slope * u_m - points.z_m
+    on = (u_m > from_m) & (u_m < after.from_m) & (np.minimum(above_m, below_m) > LEAST_RISE_M)
+    if float(points.area_m2[on].sum()) < _SLIVER_M2:
+        return None
+    begins_m = float(np.quantile(u_m[on], _NEAREST))
+    return begins_m, float(np.median(points.z_m[on & (u_m < begins_m + BIN_M)]))
 
 
 def _between(before: Surface, after: Surface, line: "_Across", at_m: float) -> Edge:
@@ -140,11 +192,14 @@ def _farthest_across(x_m: FloatArray, y_m: FloatArray) -> _Across | None:
 
 LEAST_RISE_M = 0.04
 LEAST_TREAD_M = 0.22
-_DOUBTFUL_M = 0.06  # of what seems hidden: the first bins behind a lip may be seen and not match
+_SLOPE_APART = 0.02
+_DOUBTFUL = 0.05  # of the distance: so much behind a lip may be seen and not match
 _FACE_REACH_M = 0.06
 _LIP_REACH_M = 0.08
 _LIP_HEIGHT_M = 0.02
 _FROM_SHADOW_M = 0.08
+_SLIVER_M2 = 0.005
+_NEAREST = 0.1
 _STRIP_M = 0.02
 _LEAST_OF_STRIP = 2
 _LEAST_POINTS = 8

@@ -24,11 +24,13 @@ from perception.heading import heading
 from perception.terrain.edges import Edge, find_edges
 from perception.terrain.kinds import FROM_M, kind_of
 from perception.terrain.memory import EdgeMemory
+from perception.terrain.near_ground import NearGround
 from perception.terrain.obstacle_memory import ObstacleMemory
 from perception.terrain.obstacles import Obstacle, find_obstacles
 from perception.terrain.path_ahead import PathAhead, moved
 from perception.terrain.path_points import PathSettings, find_points
-from perception.terrain.profile import profile_of, roughness_m
+from perception.terrain.profile import profile_of
+from perception.terrain.roughness import Roughness
 from perception.terrain.surfaces import PathSurfaces, Surface, find_surfaces
 
 
@@ -57,7 +59,8 @@ class TerrainEstimator:
         self._obstacles = ObstacleMemory(self._path.half_width_m)
         self._height_m = nominal_height_m
         self.side = side
-        self._rough_m = 0.0
+        self._roughness = Roughness()
+        self._near = NearGround()
         self.surfaces = PathSurfaces((), 0.0)
         """Those that the newest estimate was made of."""
         self._seen: _Seen | None = None
@@ -65,14 +68,15 @@ class TerrainEstimator:
     def path_ahead(self, t_ns: int, R_WB: FloatArray, w_WB_B_radps: Vec3, v_W_mps: Vec3) -> PathAhead:
         """Return what the frames before have shown of the path, as it lies in H at `t_ns`."""
         R_WH, seen = heading(R_WB @ self._R_BC), self._seen
-        if R_WH is None or seen is None or not 0 <= t_ns - seen.t_ns <= _PATH_LASTS_NS:
+        if R_WH is None or seen is None or not seen.lasts(t_ns):
             return PathAhead()
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(np.array(w_WB_B_radps)) @ self._p_BC_m
-        way_m = 0.5e-9 * (t_ns - seen.t_ns) * (seen.v_W_mps + v_C_W)
         edges = self._memory.expected(t_ns, v_C_W[:2], math.atan2(R_WH[1, 0], R_WH[0, 0]))
-        ahead_m = float(R_WH[:, 0] @ way_m)
-        surfaces = tuple(moved(surface, ahead_m, float(way_m[2])) for surface in seen.surfaces)
-        return PathAhead(tuple(edges), surfaces, seen.yaw_rad)
+        gone_m = seen.ahead_and_up_m(t_ns, v_C_W, R_WH)
+        surfaces, before = (
+            tuple(moved(surface, *gone_m) for surface in each) for each in (seen.surfaces, seen.shown_before)
+        )
+        return PathAhead(tuple(edges), surfaces, seen.yaw_rad, before)
 
     def estimate(
         self,
@@ -110,17 +114,19 @@ class TerrainEstimator:
         profile = profile_of(points, yaw_rad, 2.0 * self._path.half_width_m)
         surfaces = find_surfaces(profile)
         self.surfaces = PathSurfaces(surfaces, yaw_rad)
-        things, on_thing = find_obstacles(points, self.surfaces, self._rough_m, self._path.half_width_m)
-        self._follow_roughness(roughness_m(points.where(~on_thing), profile, yaw_rad))
+        things, on_thing = find_obstacles(points, self.surfaces, self._roughness.rough_m, self._path.half_width_m)
+        self._roughness.add(points.where(~on_thing), profile, surfaces, yaw_rad)
         found = find_edges(surfaces, points, yaw_rad)
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
         edges = self._memory.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, found, surfaces)
         obstacles = self._obstacles.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, things)
-        self._seen = _Seen(frame.header.t_exposure_ns, v_C_W, surfaces, yaw_rad)
+        known = self._known_surfaces(frame.header.t_exposure_ns, v_C_W, R_WH, surfaces)
+        before = known[: len(known) - len(surfaces)]
+        self._seen = _Seen(frame.header.t_exposure_ns, v_C_W, surfaces, before, yaw_rad)
         self._follow_height(surfaces)
         if not surfaces:
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.LOW_TEXTURE)
-        kind, probability = kind_of(surfaces, edges, self._rough_m)
+        kind, probability = kind_of(known, edges, self._roughness.rough_m)
         return Terrain(
             t_exposure_ns=frame.header.t_exposure_ns,
             frame_seq=frame.header.seq,
@@ -144,9 +150,14 @@ class TerrainEstimator:
             calibration_id=self._calibration_id,
         )
 
-    def _follow_roughness(self, rough_m: float) -> None:
-        if math.isfinite(rough_m):
-            self._rough_m += _FOLLOWS * (rough_m - self._rough_m)
+    def _known_surfaces(
+        self, t_ns: int, v_C_W_mps: FloatArray, R_WH: FloatArray, surfaces: list[Surface]
+    ) -> list[Surface]:
+        """Return the `surfaces` of a frame, and nearer than these what earlier frames saw."""
+        if self._seen is None or not self._seen.lasts(t_ns):
+            self._near.clear()
+            return self._near.update(t_ns, 0.0, 0.0, surfaces)
+        return self._near.update(t_ns, *self._seen.ahead_and_up_m(t_ns, v_C_W_mps, R_WH), surfaces)
 
     def _follow_height(self, surfaces: list[Surface]) -> None:
         """Take the height over the nearest surface for that over the ground that the wearer stands on."""
@@ -156,12 +167,23 @@ class TerrainEstimator:
 
 
 class _Seen(NamedTuple):
-    """The surfaces of a frame, along u of this yaw, and the camera's velocity in W (3,) then."""
+    """The surfaces of a frame, and nearer than these those shown before, along u of this yaw; the camera's velocity in
+    W (3,) then."""
 
     t_ns: int
     v_W_mps: FloatArray
     surfaces: list[Surface]
+    shown_before: list[Surface]
     yaw_rad: float
+
+    def lasts(self, t_ns: int) -> bool:
+        """Return whether what was seen may still be carried to `t_ns`."""
+        return 0 <= t_ns - self.t_ns <= _PATH_LASTS_NS
+
+    def ahead_and_up_m(self, t_ns: int, v_W_mps: FloatArray, R_WH: FloatArray) -> tuple[float, float]:
+        """Return how far the camera, at `v_W_mps` (3,) now, has gone along x of H and upwards."""
+        way_m = 0.5e-9 * (t_ns - self.t_ns) * (self.v_W_mps + v_W_mps)
+        return float(R_WH[:, 0] @ way_m), float(way_m[2])
 
 
 def _told(edge: Edge, too_long: float) -> TerrainEdge:

@@ -17,8 +17,8 @@ BESIDE_EDGE_M = 0.35
 FLIGHT_M = 0.5
 """Edges one way that are nearer to each other than this are a flight of stairs."""
 RAMP_RAD = math.radians(1.5)
-ROUGH_M = 0.0055
-"""Ground that varies by more across the path, one σ, is rough; matching noise and slopes leave up to 0.005 m."""
+ROUGH_M = 0.0024
+"""Ground that varies by more across the path, one σ, is rough (`roughness`)."""
 
 
 def kind_of(surfaces: Sequence[Surface], edges: Sequence[Edge], rough_m: float) -> tuple[TerrainKind, float]:
@@ -89,5 +89,5 @@ _FLIGHTS = (TerrainKind.STAIRS_UP, TerrainKind.STAIRS_DOWN)
 _CELL_M = 0.05
 _BETWEEN_M = 0.06
 _LEAST_SEEN = 0.3
-_OVER_BUMPS = 6.0
+_OVER_BUMPS = 20.0
 _SLOPE_COMMON_RAD = math.radians(0.3)

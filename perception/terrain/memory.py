@@ -8,6 +8,9 @@ distance d along x of H and a yaw ε mean
 
 c, φ and the rise have a Kalman filter each. What frames have in common (the matcher's offset, attitude) does not
 average out: it is added when an edge is told.
+
+At one place there is one edge: what is seen there is that edge, however high. A rise that contradicts the one known is
+left out, until as many frames in a row do as it takes to forget an edge; then it replaces it.
 """
 
 import math
@@ -50,6 +53,8 @@ class _Known:
     bound_only: bool
     seen: int = 1
     contradicted: int = 0
+    otherwise: int = 0
+    """Frames in a row whose rise contradicted this one."""
 
     def in_heading(self, p_W_m: FloatArray, heading_rad: float) -> Edge:
         """Return the edge as it is seen now, (1)."""
@@ -91,7 +96,7 @@ class EdgeMemory:
                 nearest = min(same, key=lambda edge: abs(edge.distance_m - expected.distance_m))
                 unmatched.remove(nearest)
                 self._fuse(known, nearest, heading_rad)
-            elif any(_goes_on(surface, expected) for surface in surfaces):
+            elif _goes_on(surfaces, expected) or any(_stands_instead(edge, expected) for edge in edges):
                 known.contradicted += 1
         self._known += [self._new(edge, heading_rad) for edge in unmatched]
         self._forget(heading_rad)
@@ -122,13 +127,11 @@ class EdgeMemory:
         for known in self._known:
             known.c_var_m2 += _POSITION_M_PER_SQRT_S**2 * (dt_s or 0.0)
             known.phi_var_rad2 += _YAW_RAD_PER_SQRT_S**2 * (dt_s or 0.0)
+            known.rise_var_m2 += _RISE_M_PER_SQRT_S**2 * (dt_s or 0.0)
 
     def _are_one(self, expected: Edge, edge: Edge) -> bool:
         near = abs(edge.distance_m - expected.distance_m) < self._settings.nearest_m
-        if not near or edge.rise_m * expected.rise_m < 0.0:
-            return False
-        either_bound = edge.bound_only or expected.bound_only
-        return either_bound or abs(edge.rise_m - expected.rise_m) < _RISE_APART_M + 3.0 * edge.rise_sd_m
+        return near and edge.rise_m * expected.rise_m > 0.0
 
     def _fuse(self, known: _Known, edge: Edge, heading_rad: float) -> None:
         seen = self._new(edge, heading_rad)
@@ -137,14 +140,22 @@ class EdgeMemory:
             known.phi_rad, known.phi_var_rad2, known.phi_rad + off_rad, seen.phi_var_rad2
         )
         known.c_m, known.c_var_m2 = _joined(known.c_m, known.c_var_m2, seen.c_m, seen.c_var_m2)
-        if known.bound_only == edge.bound_only and not edge.bound_only:
-            known.rise_m, known.rise_var_m2 = _joined(known.rise_m, known.rise_var_m2, seen.rise_m, seen.rise_var_m2)
-        elif known.bound_only:  # a value replaces a bound, a lower bound a higher one
-            better = not edge.bound_only or edge.rise_m < known.rise_m
-            if better:
-                known.rise_m, known.rise_var_m2, known.bound_only = seen.rise_m, seen.rise_var_m2, edge.bound_only
+        self._fuse_rise(known, seen)
         known.seen += 1
         known.contradicted = 0
+
+    def _fuse_rise(self, known: _Known, seen: _Known) -> None:
+        if seen.bound_only and not known.bound_only:
+            return
+        known.otherwise = 0 if _agree(known, seen) else known.otherwise + 1
+        if known.otherwise == 0 and not known.bound_only:
+            known.rise_m, known.rise_var_m2 = _joined(known.rise_m, known.rise_var_m2, seen.rise_m, seen.rise_var_m2)
+            return
+        # a value replaces a bound, a lower bound a higher one
+        better = not seen.bound_only or seen.rise_m < known.rise_m
+        if better if known.otherwise == 0 else known.otherwise >= self._settings.contradicted:
+            known.rise_m, known.rise_var_m2, known.bound_only = seen.rise_m, seen.rise_var_m2, seen.bound_only
+            known.otherwise = 0
 
     def _new(self, edge: Edge, heading_rad: float) -> _Known:
         phi_rad = heading_rad + edge.yaw_rad
@@ -176,15 +187,36 @@ def _joined(value: float, var: float, other: float, other_var: float) -> tuple[f
     return value + gain * (other - value), (1.0 - gain) * var
 
 
-def _goes_on(surface: Surface, edge: Edge) -> bool:
-    """Return whether a surface lies where an edge is expected, on both sides of it."""
-    return surface.from_m < edge.distance_m - _GOES_ON_M and surface.to_m > edge.distance_m + _GOES_ON_M
+def _agree(known: _Known, seen: _Known) -> bool:
+    """Return whether two rises may be the same; against a bound: whether the value is no smaller drop."""
+    apart_m = _RISE_APART_M + 3.0 * math.sqrt(known.rise_var_m2 + seen.rise_var_m2)
+    deeper_m = known.rise_m - seen.rise_m
+    return seen.bound_only or (deeper_m > -apart_m and (known.bound_only or deeper_m < apart_m))
+
+
+def _stands_instead(seen: Edge, expected: Edge) -> bool:
+    """Return whether an edge was seen so near to where another is expected that no tread fits in between."""
+    return seen.rise_m * expected.rise_m > 0.0 and abs(seen.distance_m - expected.distance_m) < _NO_TREAD_M
+
+
+def _goes_on(surfaces: Sequence[Surface], edge: Edge) -> bool:
+    """Return whether ground is seen on both sides of where an edge is expected, and rises by less than half as much."""
+    before, after = (_reaching(surfaces, edge.distance_m + off_m) for off_m in (-_GOES_ON_M, _GOES_ON_M))
+    if before is None or after is None:
+        return False
+    return abs(after.at(edge.distance_m) - before.at(edge.distance_m)) < 0.5 * abs(edge.rise_m)
+
+
+def _reaching(surfaces: Sequence[Surface], u_m: float) -> Surface | None:
+    return next((surface for surface in surfaces if surface.from_m < u_m < surface.to_m), None)
 
 
 _POSITION_M_PER_SQRT_S = 0.008
 _YAW_RAD_PER_SQRT_S = 0.01
+_RISE_M_PER_SQRT_S = 0.01
 _DISTANCE_COMMON_M = 0.006
 _RISE_COMMON_M = 0.002
 _RISE_APART_M = 0.03
 _GOES_ON_M = 0.10
+_NO_TREAD_M = 0.15
 _FARTHEST_M = 4.0

@@ -85,7 +85,7 @@ LEAST_RISE_M = 0.04
 HIGHEST_STEP_M = 0.30
 """What fills the path and is lower may be stepped upon: kerbs reach 0.25 m."""
 _HIGHEST_M = 0.60  # nothing higher is looked for: what matches there does so by chance
-_OVER_ROUGH = 4.0
+_OVER_ROUGH = 7.0
 _OVER_NOISE = 3.0
 _BESIDE_M = 0.15
 _CELL_M = 0.04

@@ -1,6 +1,7 @@
 """What the frames before have shown of the path, as it lies ahead of the camera now."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -10,16 +11,26 @@ from perception.terrain.surfaces import Surface
 
 @dataclass(frozen=True)
 class PathAhead:
-    """Confirmed edges in the order of their distance; the newest frame's surfaces along u = x + y tan(yaw)."""
+    """Confirmed edges in the order of their distance; the newest frame's surfaces along u = x + y tan(yaw), and nearer
+    than these what only frames before it have shown."""
 
     edges: tuple[Edge, ...] = ()
     surfaces: tuple[Surface, ...] = ()
     yaw_rad: float = 0.0
+    shown_before: tuple[Surface, ...] = ()
 
     def surface_at(self, u_m: float) -> Surface | None:
         """Return the surface that reaches to `u_m`, or nearly; None where none is seen."""
-        near = [s for s in self.surfaces if s.from_m - _NEARLY_M <= u_m <= s.to_m + _NEARLY_M]
-        return min(near, key=lambda s: max(s.from_m - u_m, u_m - s.to_m), default=None)
+        return _reaching(self.surfaces, u_m)
+
+    def known_at(self, u_m: float) -> Surface | None:
+        """Return the surface at `u_m`, or else the one that was shown there before, on the same side of all edges."""
+        seen = self.surface_at(u_m)
+        before = None if seen is not None else _reaching(self.shown_before, u_m)
+        if before is None:
+            return seen
+        from_m, to_m = sorted((u_m, 0.5 * (before.from_m + before.to_m)))
+        return None if any(from_m < edge.distance_m < to_m for edge in self.edges) else before
 
     def is_one_surface(self, from_m: float, to_m: float, left_m: float) -> bool:
         """Return whether one surface is seen to reach from one place to another, x of H where y is `left_m`."""
@@ -69,6 +80,11 @@ def moved(surface: Surface, ahead_m: float, up_m: float) -> Surface:
         middle_m=surface.middle_m - ahead_m,
         height_m=surface.height_m - up_m,
     )
+
+
+def _reaching(surfaces: Sequence[Surface], u_m: float) -> Surface | None:
+    near = [s for s in surfaces if s.from_m - _NEARLY_M <= u_m <= s.to_m + _NEARLY_M]
+    return min(near, key=lambda s: max(s.from_m - u_m, u_m - s.to_m), default=None)
 
 
 _NEARLY_M = 0.06

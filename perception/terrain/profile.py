@@ -27,15 +27,21 @@ class Profile:
     deviation_m: FloatArray
 
     @property
+    def shown(self) -> BoolArray:
+        """Return which bins are in view, most of their area."""
+        shown: BoolArray = self.covered > _LEAST_COVERED
+        return shown
+
+    @property
     def even(self) -> BoolArray:
         """Return which bins show one surface, neither a face nor what a lip hides."""
-        even: BoolArray = (self.covered > _LEAST_COVERED) & (self.spread_m < _MOST_SPREAD_M)
+        even: BoolArray = self.shown & (self.spread_m < _MOST_SPREAD_M)
         return even
 
 
 def profile_of(points: PathPoints, yaw_rad: float, width_m: float) -> Profile:
     """Return the profile of `points` along u = x + y tan(yaw), on a path of `width_m`."""
-    place = _places(points, yaw_rad)
+    place = places(points, yaw_rad)
     inside = (place >= 0) & (place < BINS)
     place, z_m = place[inside], points.z_m[inside]
     order = np.lexsort((z_m, place))
@@ -61,37 +67,12 @@ def profile_of(points: PathPoints, yaw_rad: float, width_m: float) -> Profile:
     )
 
 
-def roughness_m(points: PathPoints, profile: Profile, yaw_rad: float) -> float:
-    """Return how much the ground varies across the path, one robust σ, slopes across taken off; NaN where unseen.
-
-    What `points` within ROUGH_FROM_M to ROUGH_TO_M are off the median of their bin. Steps and ramps vary along the path
-    alone.
-    """
-    place = _places(points, yaw_rad)
-    some = (points.x_m > ROUGH_FROM_M) & (points.x_m < ROUGH_TO_M) & (place >= 0) & (place < BINS)
-    place, y_m = place[some], points.y_m[some]
-    off_m = points.z_m[some] - profile.height_m[place]
-    seen = profile.covered[place] > _LEAST_COVERED
-    if np.count_nonzero(seen) < _LEAST_POINTS:
-        return float("nan")
-    off_m, y_m = off_m[seen], y_m[seen]
-    slope = 0.0
-    for _ in range(3):
-        near = np.abs(off_m - slope * y_m) < _NEAR_M
-        slope = float(off_m[near] @ y_m[near]) / max(float(y_m[near] @ y_m[near]), _TINY)
-    return float(1.4826 * np.median(np.abs(off_m - slope * y_m)))
-
-
-def _places(points: PathPoints, yaw_rad: float) -> IntArray:
+def places(points: PathPoints, yaw_rad: float) -> IntArray:
     """Return in which bin along u each point lies, (n,); outside 0 to BINS in none."""
     places: IntArray = np.floor((points.along(yaw_rad) - FIRST_M) / BIN_M).astype(np.int64)
     return places
 
 
-ROUGH_FROM_M, ROUGH_TO_M = 0.3, 1.3
-_LEAST_POINTS = 200
-_NEAR_M = 0.08
-_TINY = 1e-9
 _LEAST_COVERED = 0.5
 _MOST_SPREAD_M = 0.05
 _FLOOR_M = 0.002

@@ -120,8 +120,8 @@ class _Fits:
         )
 
 
-STEEPEST = 0.36
-"""tan 20°: what is steeper is no ground."""
+STEEPEST = 0.30
+"""tan 17°: what is steeper is no ground. Over the nosings of stairs it is 18° and more."""
 _PENALTY = 40.0
 _LEFT_OUT = 12.0
 _LEAST_BINS = 4

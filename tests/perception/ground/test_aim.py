@@ -83,6 +83,26 @@ def test_a_tread_that_the_picture_does_not_reach_down_to_is_passed() -> None:
     assert (aim.reason, aim.passed) == (Reason.FOOTHOLD_OUT_OF_VIEW, True)
 
 
+def test_a_tread_that_legs_hide_is_passed_where_it_was_shown_before() -> None:
+    edges, beyond = (edge(0.75, -0.17),), flat(0.9, 2.0, -1.12)
+    hidden = PathAhead(edges, (beyond,))
+    aim = aimed(SETTINGS, (0.55, 0.0), hidden, VIEW)
+    assert (aim.reason, aim.passed) == (Reason.FOOTHOLD_OUT_OF_VIEW, False)
+    shown = PathAhead(edges, (beyond,), shown_before=(flat(0.3, 0.75, -0.95),))
+    aim = aimed(SETTINGS, (0.55, 0.0), shown, VIEW)
+    assert (aim.reason, aim.passed) == (Reason.FOOTHOLD_OUT_OF_VIEW, True)
+    under = plane_under(aim.region, shown)
+    assert under is not None
+    assert under[0].height_m == pytest.approx(0.95)
+
+
+def test_what_was_shown_before_an_edge_is_not_known_beyond_it() -> None:
+    path = PathAhead((edge(0.65, -0.17),), (flat(0.9, 2.0, -1.12),), shown_before=(flat(0.3, 0.66, -0.95),))
+    assert path.known_at(0.60) is not None
+    assert path.known_at(0.70) is None
+    assert not aimed(SETTINGS, (0.70, 0.0), path, VIEW).passed
+
+
 def test_a_region_turns_with_the_edges_that_bound_it() -> None:
     path = PathAhead((edge(0.5, 0.17, yaw_rad=0.4), edge(0.85, 0.17, yaw_rad=0.4)), (flat(0.5, 0.85, -0.8),), 0.4)
     region = aimed(SETTINGS, (0.65, 0.0), path, VIEW).region

@@ -63,6 +63,62 @@ def test_a_value_replaces_a_bound_and_a_bound_never_a_value() -> None:
     assert (told.bound_only, told.rise_m) == (False, -0.17)
 
 
+def test_at_one_place_there_is_one_edge_and_a_rise_that_is_seen_again_and_again_replaces_another() -> None:
+    memory = EdgeMemory()
+    wrong, right = (replace(RISER, rise_m=rise_m) for rise_m in (-0.05, -0.14))
+    walked(memory, 4, wrong, speed_mps=0.0)
+    (told,) = walked(memory, 2, right, first=4, speed_mps=0.0)
+    assert told.rise_m == -0.05
+    (told,) = walked(memory, 1, right, first=6, speed_mps=0.0)
+    assert told.rise_m == -0.14
+
+
+def test_a_rise_seen_once_does_not_move_the_one_that_is_known() -> None:
+    memory = EdgeMemory()
+    right = replace(RISER, rise_m=-0.14)
+    walked(memory, 4, right, speed_mps=0.0)
+    (told,) = walked(memory, 1, replace(RISER, rise_m=-0.05), first=4, speed_mps=0.0)
+    assert told.rise_m == pytest.approx(-0.14, abs=1e-9)
+    (told,) = walked(memory, 1, right, first=5, speed_mps=0.0)
+    assert told.rise_m == pytest.approx(-0.14, abs=1e-9)
+
+
+def test_an_edge_where_two_surfaces_meet_without_a_step_is_forgotten() -> None:
+    """Bumps of rough ground look like an edge once; a moment later the same ground is two surfaces that meet."""
+    memory = EdgeMemory()
+    walked(memory, 4, replace(RISER, rise_m=0.08), speed_mps=0.0)
+    near = replace(STRAIGHT_ON, to_m=1.16)
+    far = replace(STRAIGHT_ON, from_m=1.16, middle_m=1.8, height_m=-0.94)
+    for k in range(4, 7):
+        told = memory.update(k * FRAME_NS, np.zeros(2), 0.0, [], [near, far])
+    assert told == []
+
+
+def test_an_edge_on_both_sides_of_which_its_surfaces_are_seen_is_kept() -> None:
+    memory = EdgeMemory()
+    walked(memory, 4, RISER, speed_mps=0.0)
+    surfaces = [replace(STRAIGHT_ON, to_m=1.18), replace(STRAIGHT_ON, from_m=1.22, height_m=-0.95 + RISER.rise_m)]
+    for k in range(4, 14):
+        told = memory.update(k * FRAME_NS, np.zeros(2), 0.0, [], surfaces)
+    assert len(told) == 1
+
+
+def test_an_edge_beside_which_another_is_seen_with_no_tread_between_is_forgotten() -> None:
+    memory = EdgeMemory()
+    walked(memory, 4, RISER, speed_mps=0.0)
+    beside = replace(RISER, distance_m=RISER.distance_m + 0.11)
+    told = walked(memory, 3, beside, first=4, speed_mps=0.0)
+    assert [edge.distance_m for edge in told] == [pytest.approx(beside.distance_m)]
+
+
+def test_a_rise_follows_what_is_seen_nearer_by() -> None:
+    """What is seen from afar errs together, however often: it does not outweigh a few frames from near by."""
+    memory = EdgeMemory()
+    walked(memory, 60, replace(RISER, rise_m=-0.12, rise_sd_m=0.015), speed_mps=0.0)
+    (told,) = walked(memory, 10, replace(RISER, rise_m=-0.14, rise_sd_m=0.008), first=60, speed_mps=0.0)
+    assert told.rise_m == pytest.approx(-0.14, abs=0.006)
+
+
 def test_after_a_long_gap_nothing_is_remembered() -> None:
     memory = EdgeMemory()
     walked(memory, 5, RISER, speed_mps=0.0)

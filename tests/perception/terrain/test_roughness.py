@@ -1,0 +1,64 @@
+"""Roughness of paths whose geometry is known."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.terrain.kinds import ROUGH_M
+from perception.terrain.path_points import PathPoints
+from perception.terrain.profile import profile_of
+from perception.terrain.roughness import Roughness
+from perception.terrain.surfaces import find_surfaces
+from tests.bench.path_scene import flight, points_seen
+
+WIDTH_M = 0.5
+
+
+def added(roughness: Roughness, points: PathPoints, yaw_rad: float = 0.0) -> float:
+    profile = profile_of(points, yaw_rad, WIDTH_M)
+    roughness.add(points, profile, find_surfaces(profile), yaw_rad)
+    return roughness.rough_m
+
+
+def bumpy(rms_m: float) -> PathPoints:
+    ground = points_seen([(-1.0, 0.0, 6.0, 0.0)])
+    return replace(ground, z_m=ground.z_m + rms_m * 2.0 * np.sin(ground.x_m / 0.06) * np.sin(ground.y_m / 0.06))
+
+
+@pytest.mark.parametrize("rms_m", [0.012, 0.03])
+def test_bumps_across_the_path_are_roughness(rms_m: float) -> None:
+    assert added(Roughness(), bumpy(rms_m)) > max(0.4 * rms_m, ROUGH_M)
+
+
+def test_stairs_are_none() -> None:
+    assert added(Roughness(), points_seen(flight(0.6, 0.15, 0.3, 3), yaw_rad=0.2), 0.2) < 0.5 * ROUGH_M
+
+
+@pytest.mark.parametrize("noise_px", [0.05, 0.1, 0.15])
+def test_the_matchers_noise_on_ground_far_below_is_none(noise_px: float) -> None:
+    """From a landing one looks down on the next: its distance makes the noise larger, not the ground rough."""
+    below: list[tuple[float, float, float, float]] = [(-1.0, -0.35, 6.0, -0.35)]
+    assert added(Roughness(), points_seen(below, noise_px=noise_px)) < ROUGH_M
+
+
+def test_the_foot_of_a_ramp_met_at_an_angle_is_none() -> None:
+    slope = math.tan(math.radians(10.0))
+    ramp = points_seen([(-1.0, 0.0, 0.8, 0.0), (0.8, 0.0, 4.0, 3.2 * slope)], yaw_rad=math.radians(30.0))
+    assert added(Roughness(), ramp) < ROUGH_M
+
+
+def test_what_hides_the_ground_for_a_few_frames_changes_nothing() -> None:
+    roughness = Roughness()
+    even, leg = points_seen([(-1.0, 0.0, 6.0, 0.0)]), bumpy(0.03)
+    for _ in range(9):
+        added(roughness, even)
+    assert max(added(roughness, leg) for _ in range(4)) < ROUGH_M
+    for _ in range(5):
+        added(roughness, leg)
+    assert roughness.rough_m > ROUGH_M
+
+
+def test_without_points_nothing_is_known() -> None:
+    assert added(Roughness(), PathPoints(*(np.empty(0) for _ in range(6)))) == 0.0
