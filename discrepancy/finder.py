@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from discrepancy.construct.construction import constructed
+from discrepancy.construct.construction import constructed, ported
 from discrepancy.explanation import Explanation
 from discrepancy.findings import Alternatives, Findings
 from discrepancy.judgement import LEAST_REMOVED, Judgement, Models, beside_alone, judged
@@ -24,6 +24,8 @@ __all__ = ["Explanation", "explain"]
 
 _LEAST_COMPARED = 0.95
 """Of what was measured: where less can be compared, it is told."""
+_BEYOND = 0.1
+"""Of what an input spans where it is fitted: what lies further out is not known."""
 _MOST_EXCHANGED = 2
 """Causes that are exchanged at the end for a rival that fits better: the search itself has offered each to two."""
 
@@ -86,7 +88,7 @@ def explain(
         found_more = _constructed(every, models, seed, notes)
         if found_more is not None:
             return found_more
-    notes += _compared(recordings)
+    notes += (*_compared(recordings), *_beyond(recordings))
     alternatives = _alternatives(search, models, rivals=not only)
     quiet = judgement.after.adequate and not models.causes and not only
     smallest = search.smallest(found.chance) if quiet else None
@@ -142,7 +144,7 @@ def _constructed(every: _Given, models: Models, seed: int, notes: tuple[str, ...
     recordings, causes = made.recordings, made.models.causes
     as_good, rival = made.alike()
     rise = {cause.effect: made.rise(cause) for cause in causes}
-    notes += _compared(recordings)
+    notes += (*_compared(recordings), *_beyond(recordings))
     found = Alternatives(rise, as_good, rival)
     alone = _alone(recordings, made.models)
     judgement = beside_alone(made.judgement, alone) if alone else made.judgement
@@ -188,6 +190,28 @@ def _compared(recordings: Recordings) -> tuple[str, ...]:
             told = f"the recording {which}" if len(problem.parts) == 1 else name
             if share < _LEAST_COMPARED:
                 out.append(f"{told}: the simulation gives {100.0 * share:.1f} % of what was measured; only that counts")
+    return tuple(out)
+
+
+def _beyond(recordings: Recordings) -> tuple[str, ...]:
+    """Return a note for each input of a model with ports that reaches further where it is held out than where it is
+    fitted.
+    """
+    out = []
+    fitted = np.concatenate([part.channels.inputs for part in recordings.fit.parts])
+    for part, name in zip(recordings.held_out.parts, recordings.held_out_names, strict=True):
+        if ported(part.simulation) is None:
+            continue
+        told = name if len(recordings.held_out.parts) > 1 else "the recording held out"
+        for channel, known, judged_on in zip(part.channels.input_names, fitted.T, part.channels.inputs.T, strict=True):
+            low, high = float(known.min()), float(known.max())
+            margin = _BEYOND * (high - low)
+            share = float(np.mean((judged_on < low - margin) | (judged_on > high + margin)))
+            if share > 0.0:
+                out.append(
+                    f"{told}: {channel}: {100.0 * share:.2g} % of the samples lie beyond what was fitted, {low:.3g} to "
+                    f"{high:.3g}: nothing fitted tells what holds there"
+                )
     return tuple(out)
 
 

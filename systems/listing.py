@@ -66,6 +66,7 @@ def _ported() -> tuple[Effect, ...]:
         1.0,
         200.0,
         dict.fromkeys(outputs, np.sin(np.arange(200.0))),
+        jumps=False,
     )
     return tuple(t.effect for t in terms_within(whole, channels) if not t.effect.name.endswith("_of_other_V"))
 

@@ -8,6 +8,7 @@ one is taken in where it gains more than chance gives the best of all, plus its 
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 
 import numpy as np
 
@@ -145,11 +146,14 @@ class Selection:
         return made, Found(rated, fit, (cause,), singles, here.white, draws, here.library)
 
     def without(self, best: Fit, cause: Candidate) -> Fit:
-        """Return the fit without one cause, under the noise of the last round."""
+        """Return the fit without one cause, under the noise of the last round; where the simulation diverges without
+        it, begun at the base model's own values.
+        """
         assert self._fitter is not None
         keys = tuple(key for key in best.keys if key.split(".")[0] != cause.effect)
         values = {key: value for key, value in best.values.items() if key.split(".")[0] != cause.effect}
-        return self._fitter.fit(values, keys)
+        fit = self._fitter.fit(values, keys)
+        return fit if isfinite(fit.chi2) else self._fitter.fit({**values, **self._base.values}, keys)
 
     def rise(self, best: Fit, cause: Candidate) -> float:
         """Return by how much χ² rises without a cause, under the noise that the whole fit leaves."""
@@ -169,7 +173,7 @@ class Selection:
                 tried = [each for each in self._first_tried if each[0].effect != cause.effect]
             else:
                 without = self.without(best, cause)
-                tried = self._tried(self._round(without, causes), without)
+                tried = self._tried(self._round(without, causes), without) if isfinite(without.chi2) else []
             assert self._fitter is not None
             white = self._fitter.white
             rated = replace(best, chi2=_chi2(white, best))

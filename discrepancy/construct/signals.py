@@ -42,10 +42,11 @@ def signals_at_ports(simulation: PortedSimulation, values: Values) -> dict[str, 
             acts = PortActs(batch, batch.shape)
             acts.own = remembered
             noted = _Noted(acts)
-            model.derivative(tuple(states), tuple(batch.inputs), batch.whole_values, noted)
+            acts.asked(lambda: model.derivative(tuple(states), tuple(batch.inputs), batch.whole_values, noted))
         else:
-            noted = _Noted(OpenActs(batch))
-            model.model(tuple(batch.inputs), batch.whole_values, noted)
+            acts = OpenActs(batch)
+            noted = _Noted(acts)
+            acts.asked(lambda: model.model(tuple(batch.inputs), batch.whole_values, noted))
     n = batch.shape[1]
     return {
         port: [np.broadcast_to(np.asarray(signal, dtype=np.float64), (1, n))[0] for signal in rows]

@@ -1,14 +1,17 @@
 """The terms that act in a batch of k sets of parameters: which sets each acts in, and what it is given there."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from discrepancy.ports.declared import Arrays, Port, PortTerm, Rows, SignalTerm, Term
+from discrepancy.ports.declared import Arrays, Elsewhere, Port, PortTerm, Rows, SignalTerm, Term
 from discrepancy.simulation import Effect, Values
 from messages.arrays import FloatArray, IntArray
 from messages.errors import UserError, unknown_name
+
+T = TypeVar("T")
 
 Where = slice | IntArray
 """Of k sets of parameters, those in which a term acts."""
@@ -117,15 +120,35 @@ class PortActs:
         self.own = self.rates = np.zeros((batch.memory, *shape))
         self._count = {port.name: len(port.signals) for port in batch.ports}
         self._at: dict[str, list[tuple[PortActing, Arrays]]] = {port.name: [] for port in batch.ports}
+        self._from: dict[str, list[tuple[PortActing, Arrays, Elsewhere]]] = {port.name: [] for port in batch.ports}
+        self._seen: dict[str, tuple[FloatArray, ...]] = {}
+        self._early = False
         trail = (1,) * (len(shape) - 1)
         for each in batch.at_ports:
             values = {name: value.reshape(value.shape + trail) for name, value in each.values.items()}
             self._at[each.term.port].append((each, values))
+            for port, formula in each.term.elsewhere.items():
+                self._from[port].append((each, values, formula))
+
+    def asked(self, equation: Callable[[], T]) -> T:
+        """Return what an equation gives that asks here; it is asked again where a term adds at one port what follows
+        from the signals of another that was asked later.
+        """
+        self._seen, self._early = {}, False
+        found = equation()
+        return equation() if self._early else found
 
     def __call__(self, port: str, *signals: FloatArray) -> FloatArray:
         """Return what the terms at a port add; raises UserError for an unknown one or another number of signals."""
         check_port(self._count, port, signals)
+        self._seen[port] = signals
         total = np.zeros(self._shape)
+        for each, values, formula in self._from[port]:
+            if each.term.port not in self._seen:
+                self._early = True
+                continue
+            there = [self._of(signal, each.where) for signal in self._seen[each.term.port]]
+            total[each.where] += formula(there, values)
         for each, values in self._at[port]:
             here = [self._of(signal, each.where) for signal in signals]
             if self.begins and each.term.begun is not None:

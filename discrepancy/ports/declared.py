@@ -9,7 +9,7 @@ side, (k, n) where whole signals are at hand. A parameter comes as (k,) or (k, 1
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 from discrepancy.simulation import Channels, Effect
@@ -25,6 +25,8 @@ Rows = FloatArray | Sequence[FloatArray]
 """Signals, states or inputs, as many rows, each (k,) or (k, n)."""
 PortFormula = Callable[[Rows, Rows, Arrays], tuple[FloatArray, Rows]]
 """From the port's signals, the term's own states and its parameters: what is added, and the own states' rates."""
+Elsewhere = Callable[[Rows, Arrays], FloatArray]
+"""From the signals of a term's own port and its parameters: what it adds at another port."""
 Beginning = Callable[[Rows, Arrays], Rows]
 """From the port's signals at the first sample and the term's parameters: its own states there."""
 SignalFormula = Callable[[Rows, Channels, Arrays], FloatArray]
@@ -74,7 +76,8 @@ class PortTerm:
     """An effect at a port: `formula` gives what it adds from the signals there, from `memory` states of its own and
     from the effect's parameters by their own names. Its states begin at zero, or as `begun` tells.
 
-    It is asked only where a parameter differs from neutral.
+    `elsewhere` gives what it adds at other ports, by their names, from the same signals. It is asked only where a
+    parameter differs from neutral.
     """
 
     port: str
@@ -82,6 +85,7 @@ class PortTerm:
     formula: PortFormula
     memory: int = 0
     begun: Beginning | None = None
+    elsewhere: Mapping[str, Elsewhere] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

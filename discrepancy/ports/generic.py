@@ -23,7 +23,8 @@ def terms_within(whole: Spans, channels: Channels) -> tuple[Term, ...]:
     """Return the library of places that span so much; the order is that in which the terms act on a signal."""
     found: list[Term] = []
     for span in whole.ports:
-        found += [*friction(span, whole.substep_s), *restoring(span, whole.substep_s)]
+        others = [each.port for each in whole.ports if each is not span]
+        found += [*friction(span, whole.substep_s), *restoring(span, whole.substep_s, others)]
     for place, name in enumerate(channels.input_names):
         found += amplitude("input", place, channels.input_names, whole.inputs, whole)
         found += timing("input", place, channels.input_names, whole.inputs[name], whole)

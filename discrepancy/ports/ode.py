@@ -48,7 +48,8 @@ class Ode:
         acts = PortActs(batch, batch.shape)
         acts.own = own
         with np.errstate(all="ignore"):
-            return list(self.output(tuple(states), tuple(batch.inputs), batch.whole_values, acts))
+            output, values = self.output, batch.whole_values
+            return list(acts.asked(lambda: output(tuple(states), tuple(batch.inputs), values, acts)))
 
     def traced(self, batch: Batch) -> Callable[[Act], FloatArray]:
         """Return what gives the states' rates (s, n) along the first set's trajectory, for anything at the ports."""
@@ -72,7 +73,7 @@ class Ode:
         if batch.memory:
             act = PortActs(batch, (k, 1))
             act.own, act.begins = x[s:], True
-            self.derivative(x[:s], batch.inputs[:, :, :1], values, act)
+            act.asked(lambda: self.derivative(x[:s], batch.inputs[:, :, :1], values, act))
         acts: dict[int, PortActs] = {}
         h = batch.step_s / self.steps
 
@@ -85,7 +86,7 @@ class Ode:
             def rates(x: FloatArray, u: FloatArray) -> FloatArray:
                 out = np.zeros_like(x)
                 act.own, act.rates = x[s:], out[s:]
-                for row, rate in enumerate(self.derivative(x[:s], u, values, act)):
+                for row, rate in enumerate(act.asked(lambda: self.derivative(x[:s], u, values, act))):
                     out[row] = rate
                 return out
 
@@ -129,7 +130,8 @@ class Whole:
     def outputs(self, batch: Batch) -> list[FloatArray]:
         """Return the outputs, each (k, n) or what broadcasts to it."""
         with np.errstate(all="ignore"):
-            return list(self.model(tuple(batch.inputs), batch.whole_values, OpenActs(batch)))
+            acts = OpenActs(batch)
+            return list(acts.asked(lambda: self.model(tuple(batch.inputs), batch.whole_values, acts)))
 
     def traced(self, batch: Batch) -> Callable[[Act], FloatArray]:
         """Return what gives the first set's outputs (c, n), for anything at the ports."""

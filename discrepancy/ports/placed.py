@@ -1,6 +1,17 @@
 """Terms of the generic library made at their places: named by the place, and told to a person with its words."""
 
-from discrepancy.ports.declared import Beginning, Port, PortFormula, PortTerm, Side, SignalFormula, SignalTerm
+from collections.abc import Mapping
+
+from discrepancy.ports.declared import (
+    Beginning,
+    Elsewhere,
+    Port,
+    PortFormula,
+    PortTerm,
+    Side,
+    SignalFormula,
+    SignalTerm,
+)
 from discrepancy.simulation import Effect, Parameter, Values
 
 
@@ -13,14 +24,16 @@ def at_port(
     remedy: str,
     experiment: str,
     *,
+    choices: tuple[tuple[str, ...], ...] = (),
     starts: tuple[Values, ...] = (),
     memory: int = 0,
     begun: Beginning | None = None,
+    elsewhere: Mapping[str, Elsewhere] | None = None,
 ) -> PortTerm:
     """Return a term at a port."""
     told = _told(f"At {port.words}", explanation)
-    effect = Effect(f"{name}_at_{port.name}", parameters, told, remedy, experiment, starts=starts)
-    return PortTerm(port.name, effect, formula, memory, begun)
+    effect = Effect(f"{name}_at_{port.name}", parameters, told, remedy, experiment, choices, starts)
+    return PortTerm(port.name, effect, formula, memory, begun, elsewhere or {})
 
 
 def on_signal(

@@ -64,7 +64,7 @@ class PortSpan:
 @dataclass(frozen=True)
 class Spans:
     """Of a whole recording: its ports, inputs and measured outputs by name, `step_s` between samples, `substep_s` of
-    the integrator, its length, and what the base model leaves of each output.
+    the integrator, its length, what the base model leaves of each output, and whether it predicts one that `jumps`.
     """
 
     ports: tuple[PortSpan, ...]
@@ -74,6 +74,7 @@ class Spans:
     substep_s: float
     seconds: float
     left: dict[str, FloatArray]
+    jumps: bool
 
 
 class PortNotes:
@@ -121,7 +122,16 @@ def spans(simulation: "PortedSimulation") -> Spans:
         batch.step_s / plain.model.steps,
         float(channels.t_s[-1] - channels.t_s[0]),
         dict(zip(channels.names, fit.residual, strict=True)),
+        any(_jumps(row) for row in plain.predicted(fit.values).T),
     )
+
+
+def _jumps(signal: FloatArray) -> bool:
+    """Return whether a signal's change from sample to sample changes by more than it is: no line between two samples
+    tells what is there.
+    """
+    change = np.diff(signal[np.isfinite(signal)])
+    return float(np.mean(np.diff(change) ** 2)) > float(np.mean(change**2)) if len(change) > 1 else False
 
 
 Trace = Callable[[PortNotes], FloatArray]

@@ -4,11 +4,12 @@ Counted positive where it drives back. Position and level count from the model's
 """
 
 import math
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
-from discrepancy.ports.declared import Arrays, PortTerm, Role, Rows
+from discrepancy.ports.declared import Arrays, Port, PortTerm, Role, Rows
 from discrepancy.ports.friction import half_range
 from discrepancy.ports.placed import at_port
 from discrepancy.ports.ranges import PortSpan
@@ -22,6 +23,8 @@ _STOPS = (0.6, 0.8, 0.95)
 """Of the way from lowest to highest: where an end stop or an overflow may begin."""
 _STIFFEST = 0.5
 """Of what the integrator stands: an end stop or an overflow as hard as that is hard."""
+_MOST_INTO = 5.0
+"""Times what runs over: what may arrive in another tank, whose level may rise faster for being narrower."""
 _PER_TURN = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14, 15, 16, 18, 20, 24)
 """Cogging torques in a turn: poles and slots of small motors."""
 _PER_TRAVEL = (2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16)
@@ -30,13 +33,13 @@ _LOAD = "Hold the part still at several places, and plot the force that holds it
 _PUSH = "Move against the stop slowly, and note where the force begins to rise."
 
 
-def restoring(span: PortSpan, step_s: float) -> list[PortTerm]:
-    """Return what may drive back at a port, by the signals at hand there."""
+def restoring(span: PortSpan, step_s: float, others: Sequence[Port] = ()) -> list[PortTerm]:
+    """Return what may drive back at a port, by the signals at hand there; what runs over may arrive at `others`."""
     found = [_constant(span)]
     for role in ("position", "level"):
         place = span.port.place(role)
         if place is not None:
-            found += _springs(span, role, place) + _limits(span, role, place, step_s)
+            found += _springs(span, role, place) + _limits(span, role, place, step_s, others)
             found += [_cogging(span, place)] if role == "position" else []
     return found
 
@@ -119,7 +122,7 @@ def _cube(most: float, size: float) -> tuple[float, float]:
     return -most / size**3, most / size**3
 
 
-def _limits(span: PortSpan, role: Role, place: int, step_s: float) -> list[PortTerm]:
+def _limits(span: PortSpan, role: Role, place: int, step_s: float, others: Sequence[Port]) -> list[PortTerm]:
     term = partial(at_port, span.port)
     unit, signal = span.port.signals[place].unit, span.signals[place]
     travel = 2.0 * half_range(signal)
@@ -145,11 +148,30 @@ def _limits(span: PortSpan, role: Role, place: int, step_s: float) -> list[PortT
 
     if role == "level":
         words = (
-            "It runs over: above a level, what is too much leaves by another way.",
+            "It runs over: above a level, what is too much leaves by another way, and may arrive elsewhere.",
             "Add the overflow to the model, or stay below the rim.",
             _PUSH,
         )
-        return [term("overflow", beyond, limit(math.inf), *words, starts=starts(_STOPS))]
+        below_it = [port for port in others if port.unit == span.port.unit and port.place("level") is not None]
+        shares = [Parameter(f"into_{port.name}", "1", 0.0, 0.0, _MOST_INTO, SHARE) for port in below_it]
+        own = ("limit", "stiffness")
+
+        def arriving(signals: Rows, p: Arrays, share: str) -> FloatArray:
+            return -p[share] * beyond(signals, (), p)[0]
+
+        return [
+            term(
+                "overflow",
+                beyond,
+                (*limit(math.inf), *shares),
+                *words,
+                choices=(own, *((*own, each.name) for each in shares)),
+                starts=starts(_STOPS),
+                elsewhere={
+                    port.name: partial(arriving, share=each.name) for port, each in zip(below_it, shares, strict=True)
+                },
+            )
+        ]
     words = (
         "It reaches an end stop that the model does not have.",
         "Add the stop to the model, or stay clear of it.",

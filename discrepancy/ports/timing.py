@@ -24,6 +24,8 @@ _REPEATS = 0.01
 """Of a channel's samples: fewer equal neighbours are chance."""
 _SLOWER = (2.0, 3.0, 5.0, 10.0)
 """Times that a channel may be updated more slowly than it is written."""
+_SHIFTS = (-1, 1)
+"""Samples that a delay may begin at: of a signal that jumps, a shift by a part of one is a minimum of its own."""
 _STEPWISE = "Step an input and compare when the channels begin to move, and how fast."
 
 
@@ -64,6 +66,7 @@ def timing(side: Side, place: int, names: tuple[str, ...], span: Span, whole: Sp
             "It comes late.",
             "Subtract the delay from its stamps, or model it.",
             _STEPWISE,
+            starts=({}, *({"value": k * step_s} for k in _SHIFTS)) if whole.jumps and step_s < longest else (),
         ),
         term(
             "lag",

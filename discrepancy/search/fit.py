@@ -6,7 +6,7 @@ are taken anew at each step.
 """
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -107,14 +107,14 @@ class Fitter:
 
     def _fitted(self, values: dict[str, float], keys: Sequence[str], steps: int) -> "_Fitting":
         """Fit, yielding the values at which predictions are needed."""
-        problem, white = self._problem, self.white
+        problem = self._problem
         begun = problem.shifted(values, keys, np.zeros(len(keys)))
         (predicted,) = yield [begun]
         residual = problem.difference(predicted)
-        e = white(residual).reshape(-1)
-        found = Fit(begun, residual, float(e @ e), tuple(keys))
-        if problem.lost(predicted) > MOST_LOST:
-            return replace(found, chi2=np.inf)
+        e, chi2 = self._rated(predicted, residual)
+        found = Fit(begun, residual, chi2, tuple(keys))
+        if not np.isfinite(chi2):
+            return found
         damping, base, refreshed, expected = _DAMPING, self._base, found, np.inf
         moving = (*problem.base, *keys)
         for _ in range(steps):
@@ -134,9 +134,7 @@ class Fitter:
                 values = problem.shifted(found.values, moving, delta)
                 (tried,) = yield [values]
                 residual = problem.difference(tried)
-                left = white(residual).reshape(-1)
-                with np.errstate(over="ignore"):
-                    chi2 = float(left @ left) if problem.lost(tried) <= MOST_LOST else np.inf
+                left, chi2 = self._rated(tried, residual)
                 share = (found.chi2 - chi2) / promised
                 if share > 0.0:
                     found, e, predicted = Fit(values, residual, chi2, tuple(keys)), left, tried
@@ -151,6 +149,13 @@ class Fitter:
             elif share <= 0.0 or share * promised < _GAIN_ENOUGH:
                 return found
         return found
+
+    def _rated(self, predicted: FloatArray, residual: FloatArray) -> tuple[FloatArray, float]:
+        """Return a residual whitened, and its χ²: infinite where the simulation diverged."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            e = self.white(residual).reshape(-1)
+            chi2 = float(e @ e)
+        return e, chi2 if np.isfinite(chi2) and self._problem.lost(predicted) <= MOST_LOST else np.inf
 
     def _whitened(
         self, values: dict[str, float], predicted: FloatArray, keys: Sequence[str]
@@ -275,14 +280,18 @@ def _profile(
     taken = abs(moved[keys[row]] - found.values[keys[row]]) / p.scale
     if taken < _TAKEN * wanted:
         return 1.0
-    e = white(problem.residual(moved)).reshape(-1)
+    predicted = problem.predicted(moved)
     others = np.delete(np.arange(len(keys)), row)
-    chi2 = float(e @ e)
-    if len(others):
-        score, gram = J[others] @ e, J[others] @ J[others].T
-        size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-        scaled = gram / np.outer(size, size)
-        scaled[np.diag_indices(len(size))] += _RIDGE
-        chi2 -= float((score / size) @ np.linalg.solve(scaled, score / size))
+    with np.errstate(over="ignore", invalid="ignore"):
+        e = white(problem.difference(predicted)).reshape(-1)
+        chi2 = float(e @ e)
+        if len(others):
+            score, gram = J[others] @ e, J[others] @ J[others].T
+            size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+            scaled = gram / np.outer(size, size)
+            scaled[np.diag_indices(len(size))] += _RIDGE
+            chi2 -= float((score / size) @ np.linalg.solve(scaled, score / size))
+    if problem.lost(predicted) > MOST_LOST or not np.isfinite(chi2):
+        return 1.0
     rise = (chi2 - found.chi2) / (NORMAL_95 * grown * taken / wanted) ** 2
     return float(np.clip(1.0 / np.sqrt(max(rise, _LEAST_RISE)), 1.0, _MOST_MOVED))

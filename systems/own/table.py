@@ -1,6 +1,6 @@
 """A recording as a table: columns of numbers by name, one of them the time."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,12 +44,31 @@ class Table:
         }
         return Table(self.path, rows)
 
-    def channels(self, measured: Sequence[str], inputs: Sequence[str] = (), *, time: str = "t_s") -> Channels:
+    def rows(self, first: int, last: int) -> "Table":
+        """Return the rows from `first` on, before `last`."""
+        return Table(self.path, {name: column[first:last] for name, column in self.columns.items()})
+
+    def channels(
+        self,
+        measured: Sequence[str],
+        inputs: Sequence[str] = (),
+        *,
+        time: str = "t_s",
+        possible: Mapping[str, tuple[float, float]] | None = None,
+    ) -> Channels:
         """Return the columns `measured` and the `inputs` as the finder takes them.
 
-        Raises UserError, naming file and column, where one is missing, an input has no number, or the times in `time`,
-        in seconds, are not evenly spaced.
+        `possible` are the least and greatest value that the thing itself can take, by column, such as a motor's peak
+        torque. Raises UserError, naming file and column, where one is missing, an input has no number, a value is not
+        possible, or the times in `time`, in seconds, are not evenly spaced.
         """
+        for name, (low, high) in (possible or {}).items():
+            beyond = (self[name] < low) | (self[name] > high)
+            if beyond.any():
+                raise UserError(
+                    f"{self.path}: {name}: {100.0 * beyond.mean():.2g} % of the rows are impossible, from "
+                    f"{np.nanmin(self[name]):.4g} to {np.nanmax(self[name]):.4g}; expected {low:.4g} to {high:.4g}"
+                )
         t_s = self[time]
         steps = np.diff(t_s)
         if not (len(steps) and np.isfinite(t_s).all() and steps.min() > 0.0):

@@ -108,3 +108,12 @@ def test_a_table_is_read_gzipped_and_thinned_to_means(tmp_path: Path) -> None:
     path.write_bytes(b"no gzip")
     with pytest.raises(UserError, match="not a whole gzip file"):
         Table.load(path)
+
+
+def test_what_is_not_possible_is_refused_with_its_share(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t_s,torque\n" + "".join(f"{0.1 * k},{30.0 if k % 4 == 0 else 1.0}\n" for k in range(20)))
+    table = Table.load(path)
+    with pytest.raises(UserError, match=r"torque: 25 % of the rows are impossible, from 1 to 30; expected -18 to 18"):
+        table.channels(["torque"], possible={"torque": (-18.0, 18.0)})
+    assert len(table.rows(1, 3).channels(["torque"], possible={"torque": (-18.0, 18.0)}).t_s) == 2
