@@ -3,16 +3,18 @@
 Ground that is looked at from above is slanted, so its disparity changes by a tenth of a pixel and more from row to row;
 and one who walks sees it grow by some hundredths from frame to frame. Within the window that is followed, one picture
 is sheared against the other, and where the corner is found then depends on which side of it has more contrast: all are
-drawn to a line where two grounds meet. So the other picture is first sheared as most corners are,
+drawn to a line where two grounds meet. So the other picture is first sheared as the ground about most corners is,
 
     x' = A (x, y, 1),                                                                                           (1)
 
-with A (2, 3) of robust least squares over about where they are. What is then followed is alike in both, and whatever A
-is, (1) carries the result back exactly.
+with A (2, 3) of robust least squares over about how corners lie to their neighbours: treads are sheared otherwise than
+the flight that they make up. What is then followed is alike in both, and whatever A is, (1) carries the result back
+exactly.
 """
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from messages.arrays import BoolArray, Float32Array, FloatArray, GreyImage
 from perception.motion.corners import followed, inside, returned
@@ -50,23 +52,35 @@ class Shear:
 
 
 def _affine(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return A (2, 3) that brings x (N, 2) to about y (N, 2), by weights that fall with the misfit (Cauchy's).
+    """Return A (2, 3) that brings x (N, 2) to about y (N, 2), its shear from neighbours alone, by weights that fall
+    with the misfit (Cauchy's).
 
-    It shifts their middle by whole pixels, so that interpolation blurs nothing where nothing is sheared. What too few
-    points do not tell is no shear.
+    It shifts most by whole pixels, so that interpolation blurs nothing where nothing is sheared. What too few
+    neighbours do not tell is no shear.
     """
-    middle, shift = x.mean(axis=0), y - x
-    design = np.ones((len(x), 3))
-    design[:, :2] = (x - middle) / _USUAL_PX
-    weighted = design
-    for _ in range(_ROUNDS):
-        by = np.linalg.solve(weighted.T @ design + _RIDGE, weighted.T @ shift).T
-        misfit = shift - design @ by.T
+    one, other = _neighbours(x)
+    shift = y - x
+    apart, design = shift[one] - shift[other], (x[one] - x[other]) / _NEAR_PX
+    weighted, by = design, np.zeros((2, 2))
+    for _ in range(_ROUNDS if len(one) else 0):
+        by = np.linalg.solve(weighted.T @ design + _RIDGE, weighted.T @ apart).T
+        misfit = apart - design @ by.T
         square = (misfit * misfit).sum(axis=1)
         usual_square = max(_LEAST_MISFIT_PX**2, float(np.partition(square, len(square) // 2)[len(square) // 2]))
         weighted = design / (1.0 + square / usual_square)[:, None]
-    shear = np.eye(2) + by[:, :2] / _USUAL_PX
-    return np.column_stack((shear, middle + np.rint(by[:, 2]) - shear @ middle))
+    by /= _NEAR_PX
+    middle = x.mean(axis=0)
+    usual_shift = np.median(shift - (x - middle) @ by.T, axis=0)
+    shear = np.eye(2) + by
+    return np.column_stack((shear, middle + np.rint(usual_shift) - shear @ middle))
+
+
+def _neighbours(x: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the pairs of points (N, 2) that are less than `_NEAR_PX` apart, along either axis."""
+    near = np.abs(x[:, None, 0] - x[:, 0]) < _NEAR_PX
+    near &= np.abs(x[:, None, 1] - x[:, 1]) < _NEAR_PX
+    one, other = np.nonzero(np.triu(near, 1))
+    return one, other
 
 
 def _moved(points_px: Float32Array, A: FloatArray) -> Float32Array:
@@ -75,9 +89,9 @@ def _moved(points_px: Float32Array, A: FloatArray) -> Float32Array:
 
 
 _ROUNDS = 3
-_USUAL_PX = 100.0
-"""Distance of corners from their middle."""
-_RIDGE = 1e-2 * np.eye(3)
-"""Weight of no shear, in corners at that distance."""
-_LEAST_MISFIT_PX = 0.3
-"""What dense matching errs by."""
+_NEAR_PX = 18.0
+"""Between neighbours: no more than a tread of stairs has at two metres."""
+_RIDGE = 1e-2 * np.eye(2)
+"""Weight of no shear, in pairs so far apart."""
+_LEAST_MISFIT_PX = 0.1
+"""What dense matching errs by between neighbours."""

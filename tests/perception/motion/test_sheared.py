@@ -1,5 +1,7 @@
 """Corners of slanted ground in both eyes, and of ground that comes nearer: as exact as if one stood before a wall."""
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 import pytest
@@ -12,21 +14,32 @@ SHIFT_PX, SHEAR = 20.0, 0.15
 """x_right = x - SHIFT_PX + SHEAR (y - 90), as of ground from above at a baseline of 12 cm."""
 
 
-def both_eyes(seed: int) -> tuple[GreyImage, GreyImage]:
+def slope(rows: FloatArray) -> FloatArray:
+    """Return by how much less than `SHIFT_PX` reduced pixels of `rows` are apart, on one slope."""
+    return SHEAR * (rows - 90.0)
+
+
+def treads(rows: FloatArray) -> FloatArray:
+    """Return the same of treads 30 rows long, as steep, that climb a third as much."""
+    middle = 30.0 * np.floor(rows / 30.0) + 15.0
+    return SHEAR * (rows - middle + (middle - 90.0) / 3.0)
+
+
+def both_eyes(seed: int, ground: Callable[[FloatArray], FloatArray] = slope) -> tuple[GreyImage, GreyImage]:
     noise = np.random.default_rng(seed).standard_normal((720, 1480)).astype(np.float32)
     surface = cv2.GaussianBlur(noise, (0, 0), 5.0)
     grey = np.clip(120.0 + 25.0 * surface / surface.std(), 0, 255).astype(np.float32)
     columns, rows = np.meshgrid(np.arange(1280, dtype=np.float32), np.arange(720, dtype=np.float32))
-    there = columns + 4.0 * SHIFT_PX - SHEAR * (rows - 4.0 * 90.0)
+    there = columns + 4.0 * (SHIFT_PX - ground(rows.astype(np.float64) / 4.0)).astype(np.float32)
     right = cv2.remap(grey, there + 100.0, rows, cv2.INTER_CUBIC)
     left = grey[:, 100:1380]
     one, other = (detail(np.clip(np.rint(eye), 0, 255).astype(np.uint8), 4) for eye in (left, right))
     return one, other
 
 
-def expected(points_px: Float32Array) -> FloatArray:
+def expected(points_px: Float32Array, ground: Callable[[FloatArray], FloatArray] = slope) -> FloatArray:
     x, y = np.asarray(points_px, np.float64).T
-    return np.column_stack((x - SHIFT_PX + SHEAR * (y + 0.375 - 90.0), y))  # a reduced pixel is the mean of four
+    return np.column_stack((x - SHIFT_PX + ground(y + 0.375), y))  # a reduced pixel is the mean of four
 
 
 @pytest.mark.parametrize("guessed_shear", [SHEAR, 0.5 * SHEAR])
@@ -46,6 +59,17 @@ def test_a_slant_does_not_scatter_the_matches(guessed_shear: float) -> None:
     assert (good & seen).sum() > 60
     assert slanted < (0.5 if guessed_shear == SHEAR else 0.8) * plain
     assert np.abs(np.median(found_px[good & seen] - truth_px[good & seen], axis=0)).max() < 0.03
+
+
+def test_treads_are_followed_as_the_slope_that_each_has() -> None:
+    left, right = both_eyes(10, treads)
+    corners_px = corners(left)
+    truth_px = expected(corners_px, treads)
+    inside = np.abs((corners_px[:, 1] + 0.375) % 30.0 - 15.0) < 8.0
+    seen = (truth_px > 12.0).all(axis=1) & (truth_px[:, 0] < 305.0) & inside
+    found_px, good = Shear(corners_px, truth_px.astype(np.float32)).matched(left, right)
+    assert (good & seen).sum() > 40
+    assert np.median(np.abs(found_px[good & seen, 0] - truth_px[good & seen, 0])) < 0.04
 
 
 def test_matches_of_another_surface_do_not_bend_the_slant() -> None:
