@@ -232,7 +232,7 @@ class Pipeline:
         if not isinstance(placed, Reason):
             path = self._terrain.path_ahead(placed.t_ns, placed.R_WB, placed.w_WB_B, placed.v_W_mps)
             steps = self._gait.add_frame(placed, self._attitude.at, path)
-        ground = self._ground_of(frame, placed, steps.prosthetic, path)
+        ground = self._ground_of(frame, placed, steps.prosthetic, path, follows=follows)
         yield ground
         if self._setpoints is not None:  # before the terrain, which takes longer: the kind is of the frame before
             foothold = self._gait.foothold(steps, ground, path, self._kind)
@@ -265,7 +265,7 @@ class Pipeline:
         return attitude
 
     def _ground_of(
-        self, frame: Frame, placed: AttitudeAt | Reason, landing: Landing | None, path: PathAhead
+        self, frame: Frame, placed: AttitudeAt | Reason, landing: Landing | None, path: PathAhead, *, follows: bool
     ) -> GroundPlane:
         if isinstance(placed, Reason):
             return self._no_ground(frame.header.t_exposure_ns, frame.header.seq, placed)
@@ -278,7 +278,7 @@ class Pipeline:
             v_W_mps=placed.v_W_mps,
             distance_scale=self._attitude.distance_scale,
             focal_difference=self._motion.focal_difference,
-            may_begin=self._attitude.is_watched,
+            may_begin=self._attitude.is_watched_to(placed.t_ns) if follows else self._attitude.is_watched,
             reduced=self._load is Load.REDUCED,
             place_m=None if landing is None else (landing.ahead_m, landing.left_m),
             path=path,

@@ -32,16 +32,16 @@ class Confirmation:
 
     def __init__(self, settings: ConfirmationSettings | None = None) -> None:
         self.settings = settings or ConfirmationSettings()
-        self._accepted_ns: int | None = None
+        self.accepted_ns: int | None = None
         self.begin()
 
     def accept(self, t_after_ns: int) -> None:
         """Take note of a step that ends at `t_after_ns` and has corrected the filter."""
-        self._accepted_ns = t_after_ns
+        self.accepted_ns = t_after_ns
 
     def is_pending(self, now_ns: int) -> bool:
         """Return whether no step has been accepted for `lost_s`; before the first one nothing has been lost."""
-        return self._accepted_ns is not None and 1e-9 * (now_ns - self._accepted_ns) > self.settings.lost_s
+        return self.accepted_ns is not None and 1e-9 * (now_ns - self.accepted_ns) > self.settings.lost_s
 
     def begin(self) -> None:
         """Let a run of steps begin."""

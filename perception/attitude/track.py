@@ -134,6 +134,10 @@ class AttitudeTrack:
         since_s = self._filter.without_camera_s
         return since_s < _WATCHED_S or math.isinf(since_s)
 
+    def is_watched_to(self, t_ns: int) -> bool:
+        """Return whether a step of the camera that ends at `t_ns` has been accepted, or there never was any."""
+        return self._confirmation.accepted_ns in (None, t_ns)
+
     @property
     def contradiction(self) -> Reason:
         """Return why IMU and camera may not be used together, or NONE."""

@@ -16,6 +16,11 @@ def blocks(shape: tuple[int, int], stride: int) -> IntArray:
     return block
 
 
+def sums_of(values: FloatArray, block: IntArray) -> FloatArray:
+    """Return the sums (k, blocks) of `values` (N, k) by `block` (N,)."""
+    return np.stack([np.bincount(block, column) for column in values.T])
+
+
 def covariance_of_sum(scores: FloatArray, block: IntArray) -> FloatArray:
     """Return the covariance (k, k) of Σ `scores` (N, k), what is left of a fit of k parameters, by `block` (N,).
 
@@ -23,7 +28,7 @@ def covariance_of_sum(scores: FloatArray, block: IntArray) -> FloatArray:
     73(1), 1986). It needs no model of how the errors within a block are correlated.
     """
     parameters = scores.shape[1]
-    sums = np.stack([np.bincount(block, scores[:, k]) for k in range(parameters)])
+    sums = sums_of(scores, block)
     count = np.count_nonzero(np.bincount(block))
     covariance: FloatArray = sums @ sums.T * (count / max(count - parameters, 1))
     return covariance

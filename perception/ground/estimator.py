@@ -110,6 +110,8 @@ class GroundEstimator:
             )
 
         measured = measure(expected, self._repetition.margin_m(t_ns, expected))
+        if searched.unlikely and measured.fit is not None and not self._meter.is_even(measured.fit):
+            measured = GroundMeasurement(Reason.NOT_PLANAR, measured.matched_share)
         if measured.fit is not None:
             self._swap_watch.clear()
             ask = partial(self._meter.find_repeats, frame.images, R_HC, region)

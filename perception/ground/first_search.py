@@ -18,11 +18,13 @@ class Searched(NamedTuple):
     """The foothold region as one frame searches it, each with its band of heights (`nominal_height_m` and margin).
 
     `band` is this frame's, `likely` the most likely one, `bounds` where a plane of the band may have a rival.
+    `unlikely` says that it is another than the most likely: there, only even ground is believed.
     """
 
     band: FootholdRegion
     likely: FootholdRegion
     bounds: FootholdRegion
+    unlikely: bool = False
 
 
 class FirstSearch:
@@ -51,7 +53,8 @@ class FirstSearch:
         low_m = min(CAMERA_HEIGHTS_M[0], likely.nominal_height_m - likely.height_margin_m)
         high_m = max(CAMERA_HEIGHTS_M[1], likely.nominal_height_m + likely.height_margin_m)
         bounds = _with_band(foothold, 0.5 * (low_m + high_m), 0.5 * (high_m - low_m))
-        return Searched(_with_band(foothold, *others[self._turn // 2 % len(others)]), likely, bounds)
+        band = _with_band(foothold, *others[self._turn // 2 % len(others)])
+        return Searched(band, likely, bounds, unlikely=True)
 
     def ended(self, reason: Reason) -> Reason:
         """Take how this frame's search ended, NONE with a plane, and return what to say of it.

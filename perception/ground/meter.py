@@ -39,13 +39,18 @@ class GroundMeasurement:
 class GroundMeter:
     """Measures the ground plane in the foothold region, frame by frame; it keeps no memory of earlier frames."""
 
-    least_matched_share = 0.30
+    least_ground_share = 0.30
+    """Of the region, matched no farther from the plane than a step: what covers an eye matches anywhere."""
     least_inlier_share = 0.30
     most_blind_share = 0.4
     even_share = 0.75
     even_noise_px = 0.3
     """Where a plane has fewer inliers, or more noise, rough ground may explain the region better."""
     most_pixels = 5000
+    beside_unseen_px = 0.3
+    """What all of a block errs by together, one σ, where nothing of the region but it is seen: along the border of what
+    covers an eye the matcher draws by some tenths of a pixel. It falls with the share of the region that is not seen.
+    """
     locking_px = 0.07
     """What interpolation between whole disparities leaves as a common offset (pixel locking), one σ: 14 units of the
     rig whose calibration is exact are off by 1.35 mm and by 0.055° ahead, RMS, which are 0.08 and 0.05 px."""
@@ -97,14 +102,20 @@ class GroundMeter:
         on_predicted = region.contains(rays_H * (fB_px_m / predicted_px)[..., None])
         matched_share = float(np.isfinite(disparity_px[on_predicted]).mean()) if on_predicted.any() else 0.0
         points_H = rays_H * (fB_px_m / disparity_px)[..., None]
-        inside = region.contains(points_H) & (np.abs(predicted.rise_m(points_H)) < margin_m)
-        if matched_share < self.least_matched_share or np.count_nonzero(inside) < _LEAST_PIXELS:
+        rise_m = predicted.rise_m(points_H)
+        ground_share = float((np.abs(rise_m[on_predicted]) < margin_m).mean()) if on_predicted.any() else 0.0
+        inside = region.contains(points_H) & (np.abs(rise_m) < margin_m)
+        if ground_share < self.least_ground_share or np.count_nonzero(inside) < _LEAST_PIXELS:
             return GroundMeasurement(self._unseen(Reason.LOW_TEXTURE, images, points_C), matched_share)
+        unseen_share = 1.0 - float((rise_m[on_predicted] > -margin_m).mean())
 
         block = blocks(disparity_px.shape, stride)[inside]
         rays_H, disparity_px, points_H = rays_H[inside], disparity_px[inside], points_H[inside]
-        fit = self._fitter.fit(rays_H, disparity_px, region.weights(points_H), block=block, expected=expected)
-        if fit is None or fit.inlier_share < self.even_share or fit.noise_px > self.even_noise_px:
+        common_px = self.beside_unseen_px * unseen_share
+        fit = self._fitter.fit(
+            rays_H, disparity_px, region.weights(points_H), block=block, common_px=common_px, expected=expected
+        )
+        if fit is None or not self.is_even(fit) or fit.noise_px > self.even_noise_px:
             rough = rough_plane(points_H, disparity_px / np.abs(points_H[:, 2]), region)
             if rough is not None:
                 lasting = self._residual_cov(rough.plane, R_HC, focal_difference)
@@ -118,7 +129,8 @@ class GroundMeter:
         if not ground.all():
             rays_H, disparity_px, points_H = rays_H[ground], disparity_px[ground], points_H[ground]
             block = block[ground]
-            fit = self._fitter.refined(rays_H, disparity_px, region.weights(points_H), fit.plane, block) or fit
+            weights = region.weights(points_H)
+            fit = self._fitter.refined(rays_H, disparity_px, weights, fit.plane, block, common_px) or fit
             misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
         lasting = self._residual_cov(fit.plane, R_HC, focal_difference)
         lasting += relief_cov(fit, points_H, disparity_px, misfit_px, block, region, self.locking_px)
@@ -127,6 +139,10 @@ class GroundMeter:
         if region.bounded:
             fit = replace(fit, covariance=fit.covariance + _beside_borders(region))
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)
+
+    def is_even(self, fit: PlaneFit) -> bool:
+        """Return whether nearly all that is near the plane lies on it, and not on bumps about it."""
+        return fit.inlier_share >= self.even_share and fit.rough_m == 0.0
 
     def _unseen(self, reason: Reason, images: Sequence[Image], points_C: FloatArray) -> Reason:
         """Return why there is no plane about `points_C` (N, 3): `reason`, unless it is that nothing can be seen."""

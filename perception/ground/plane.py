@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from messages.arrays import FloatArray, IntArray
-from perception.ground.block_errors import covariance_of_sum
+from perception.ground.block_errors import covariance_of_sum, sums_of
 
 
 @dataclass(frozen=True)
@@ -81,23 +81,31 @@ class PlaneFitter:
         weight: FloatArray,
         *,
         block: IntArray | None = None,
+        common_px: float = 0.0,
         expected: Plane | None = None,
     ) -> PlaneFit | None:
         """Return the plane best supported by rays (N, 3) in H seen at `disparity_px` (N,), or None if none is.
 
         `weight` (N,) ≥ 0 says how much each pixel counts, `block` (N,) in which block of the picture it lies, within
-        which errors are alike; without it all errors are independent. `expected` joins the candidates. Planes steeper
+        which errors are alike; without it all errors are independent. All of a block err by `common_px`, one σ, besides
+        what their misfit shows. `expected` joins the candidates. Planes steeper
         than `steepest_rad` (risers, walls) are no candidates. Deterministic: the samples come from a fixed sequence.
         """
         theta = self._consensus(rays, disparity_px, weight, expected)
         block = np.arange(len(weight)) if block is None else block
-        return None if theta is None else self._refine(rays, disparity_px, weight, theta, block)
+        return None if theta is None else self._refine(rays, disparity_px, weight, theta, block, common_px)
 
     def refined(
-        self, rays: FloatArray, disparity_px: FloatArray, weight: FloatArray, plane: Plane, block: IntArray
+        self,
+        rays: FloatArray,
+        disparity_px: FloatArray,
+        weight: FloatArray,
+        plane: Plane,
+        block: IntArray,
+        common_px: float,
     ) -> PlaneFit | None:
         """Return the plane near `plane` that these pixels support, all as for `fit`; None where too few do."""
-        return self._refine(rays, disparity_px, weight, plane.theta(self.fB_px_m), block)
+        return self._refine(rays, disparity_px, weight, plane.theta(self.fB_px_m), block, common_px)
 
     def _consensus(
         self, rays: FloatArray, disparity_px: FloatArray, weight: FloatArray, expected: Plane | None
@@ -124,7 +132,13 @@ class PlaneFitter:
         return best
 
     def _refine(
-        self, rays: FloatArray, disparity_px: FloatArray, weight: FloatArray, theta: FloatArray, block: IntArray
+        self,
+        rays: FloatArray,
+        disparity_px: FloatArray,
+        weight: FloatArray,
+        theta: FloatArray,
+        block: IntArray,
+        common_px: float,
     ) -> PlaneFit | None:
         scale_px = self.tolerance_px
         inverse = np.empty((3, 3))
@@ -151,9 +165,9 @@ class PlaneFitter:
         # an M-estimator's covariance [Huber, Robust Statistics, 1981, 7.6]: its weights overrate what the far ones tell
         square = np.minimum((misfit / (_TUKEY * scale_px)) ** 2, 1.0)
         told = float(weight @ ((1.0 - square) * (1.0 - 5.0 * square))) / float(tukey.sum())
-        theta_cov = (
-            inverse @ covariance_of_sum(weighted * misfit[:, None], block) @ inverse / max(told, _LEAST_TOLD) ** 2
-        )
+        middle = covariance_of_sum(weighted * misfit[:, None], block) / max(told, _LEAST_TOLD) ** 2
+        together = sums_of(weighted, block)
+        theta_cov = inverse @ (middle + common_px**2 * together @ together.T) @ inverse
         inliers = np.abs(misfit) < 3.0 * scale_px
         to_plane = self.jacobian(theta)
         return PlaneFit(

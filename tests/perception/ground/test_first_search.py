@@ -96,9 +96,12 @@ def test_without_a_plane_it_is_told_what_the_likely_band_showed(other: Reason) -
 
 def test_outside_the_likely_band_rivals_are_sought_at_all_heights() -> None:
     search, foothold = FirstSearch(None), FootholdSettings().region
-    assert search.begin(foothold).bounds == foothold
+    likely = search.begin(foothold)
+    assert (likely.bounds, likely.unlikely) == (foothold, False)
     search.ended(Reason.NOT_PLANAR)
-    bounds = search.begin(foothold).bounds
+    other = search.begin(foothold)
+    assert other.unlikely
+    bounds = other.bounds
     assert bounds.nominal_height_m - bounds.height_margin_m == pytest.approx(CAMERA_HEIGHTS_M[0])
     assert bounds.nominal_height_m + bounds.height_margin_m == pytest.approx(CAMERA_HEIGHTS_M[1])
     assert replace(bounds, nominal_height_m=0.95, height_margin_m=0.35) == foothold

@@ -104,6 +104,22 @@ def test_errors_that_neighbours_share_are_covered_without_knowing_over_how_many(
     assert np.mean(unblocked) > 10.0
 
 
+def test_what_all_of_a_few_blocks_err_by_together_is_covered_though_their_misfit_does_not_show_it() -> None:
+    rng = np.random.default_rng(9)
+    rays = rays_of_a_pitched_camera()
+    fitter, truth = PlaneFitter(fB_px_m=FB), np.array([0.03, 0.01, 0.95])
+    block = 2 * (rays[:, 0] > np.median(rays[:, 0])).astype(np.int64) + (rays[:, 1] > np.median(rays[:, 1]))
+    squared = []
+    for _ in range(80):
+        noise = rng.normal(0, 0.3, 4)[block] + rng.normal(0, 0.05, len(rays))
+        disparity = disparity_of(rays, *truth) + noise
+        found = fitter.fit(rays, disparity, np.ones(len(rays)), block=block, common_px=0.3)
+        assert found is not None
+        error = np.array([*found.plane.gradient, found.plane.height_m]) - truth
+        squared.append(error @ np.linalg.solve(found.covariance, error))
+    assert 1.5 < np.mean(squared) < 4.5
+
+
 def test_a_wall_is_no_ground() -> None:
     rays = rays_of_a_pitched_camera()
     steep = disparity_of(rays, 2.5, 0.0, 2.6)
