@@ -103,10 +103,12 @@ class GroundEstimator:
         region = self._region.narrowed() if reduced else self._region
         searched = self._search.begin(region) if expected is None else self._search.skip(region)
 
+        rough = path is not None and path.rough
+
         def measure(near: Plane | None, margin_m: float | None = None, *, swapped: bool = False) -> GroundMeasurement:
             images, band = (frame.images[::-1], searched.likely) if swapped else (frame.images, searched.band)
             return self._meter.measure(
-                images, R_HC, w_WC_C_radps, height_rate_mps, band, near, margin_m, focal_difference
+                images, R_HC, w_WC_C_radps, height_rate_mps, band, near, margin_m, focal_difference, rough=rough
             )
 
         measured = measure(expected, self._repetition.margin_m(t_ns, expected))

@@ -73,13 +73,16 @@ class GroundMeter:
         expected: Plane | None,
         margin_m: float | None = None,
         focal_difference: FocalDifference = UNWATCHED,
+        *,
+        rough: bool = False,
     ) -> GroundMeasurement:
         """Return the plane in H of a frame's raw `images`, (height, width) each, of the calibrated sizes.
 
         `R_HC` holds at mid-exposure of the middle row; for the other rows of a rolling shutter `w_HC_C_radps` turns
         the camera and `height_rate_mps` lifts it off the ground.
         `expected` is the plane as predicted from earlier frames; the ground is looked for within `margin_m` of it, or
-        within a step. `focal_difference` is what the eyes' rows tell of their focal lengths.
+        within a step. `focal_difference` is what the eyes' rows tell of their focal lengths. Where the path has been
+        `rough`, a plane on which nearly all lies is that of the top of a bump.
         """
         predicted = expected or Plane((0.0, 0.0), region.nominal_height_m)
         if margin_m is None:
@@ -115,12 +118,12 @@ class GroundMeter:
         fit = self._fitter.fit(
             rays_H, disparity_px, region.weights(points_H), block=block, common_px=common_px, expected=expected
         )
-        if fit is None or not self.is_even(fit) or fit.noise_px > self.even_noise_px:
-            rough = rough_plane(points_H, disparity_px / np.abs(points_H[:, 2]), region)
-            if rough is not None:
-                lasting = self._residual_cov(rough.plane, R_HC, focal_difference)
-                return GroundMeasurement(Reason.NONE, matched_share, rough, lasting, patch)
-        if fit is None or fit.noise_px >= self._fitter.most_noise_px or fit.inlier_share < self.least_inlier_share:
+        if rough or fit is None or not self.is_even(fit) or fit.noise_px > self.even_noise_px:
+            through = rough_plane(points_H, disparity_px / np.abs(points_H[:, 2]), region, known=rough)
+            if through is not None:
+                lasting = self._residual_cov(through.plane, R_HC, focal_difference)
+                return GroundMeasurement(Reason.NONE, matched_share, through, lasting, patch)
+        if rough or fit is None or not self._is_plane(fit):
             return GroundMeasurement(self._unseen(Reason.NOT_PLANAR, images, points_C), matched_share)
         if fit.plane.steepness_rad > (STEEPEST_BOUNDED_RAD if region.bounded else self._fitter.steepest_rad):
             return GroundMeasurement(Reason.TOO_STEEP, matched_share)
@@ -139,6 +142,10 @@ class GroundMeter:
         if region.bounded:
             fit = replace(fit, covariance=fit.covariance + _beside_borders(region))
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)
+
+    def _is_plane(self, fit: PlaneFit) -> bool:
+        """Return whether a plane is what is seen, and not clutter."""
+        return fit.noise_px < self._fitter.most_noise_px and fit.inlier_share >= self.least_inlier_share
 
     def is_even(self, fit: PlaneFit) -> bool:
         """Return whether nearly all that is near the plane lies on it, and not on bumps about it."""

@@ -23,25 +23,29 @@ from perception.ground.region import FootholdRegion
 from perception.ground.sole import about_middle, sole_slope_cov
 
 
-def rough_plane(points_H: FloatArray, misfit_per_m: FloatArray, region: FootholdRegion) -> PlaneFit | None:
+def rough_plane(
+    points_H: FloatArray, misfit_per_m: FloatArray, region: FootholdRegion, *, known: bool
+) -> PlaneFit | None:
     """Return the plane of rough ground through points (N, 3) of the `region`; None where that is not what they show.
 
-    `misfit_per_m` (N,) is by how many pixels of disparity a point lies off for each metre of height.
+    `misfit_per_m` (N,) is by how many pixels of disparity a point lies off for each metre of height. Where the path is
+    `known` to be rough, nobody asks for edges, which the region would not hold, nor how large bumps are at least.
     """
     cells = RegionCells(points_H, region)
     z_m = points_H[:, 2]
     size = len(cells.centres)
     count = np.bincount(cells.place, minlength=size)
-    known = count >= _LEAST_OF_CELL
-    if np.count_nonzero(known) < _LEAST_KNOWN * size:
+    seen = count >= _LEAST_OF_CELL
+    if np.count_nonzero(seen) < _LEAST_SEEN * size:
         return None
-    mean_m = np.bincount(cells.place, z_m, minlength=size)[known] / count[known]
-    design = np.column_stack((region.places(cells.centres[known]), np.ones(np.count_nonzero(known))))
+    mean_m = np.bincount(cells.place, z_m, minlength=size)[seen] / count[seen]
+    design = np.column_stack((region.places(cells.centres[seen]), np.ones(np.count_nonzero(seen))))
     (a, b, c), *_ = np.linalg.lstsq(design, mean_m)
     off_m = mean_m - design @ (a, b, c)
     rough_m = float(np.sqrt(off_m @ off_m / (len(off_m) - 3)))
     if (
-        not LEAST_ROUGH_M < rough_m < MOST_ROUGH_M
+        not (known or rough_m > LEAST_ROUGH_M)
+        or rough_m > MOST_ROUGH_M
         or np.hypot(a, b) > _STEEPEST
         or np.abs(off_m).max() > _MOST_SIGMA * rough_m
     ):
@@ -49,9 +53,9 @@ def rough_plane(points_H: FloatArray, misfit_per_m: FloatArray, region: Foothold
     all_off_m = z_m - points_H[:, :2] @ (a, b) - c
     within_m = all_off_m - np.bincount(cells.place, all_off_m, minlength=size)[cells.place] / count[cells.place]
     scattered = 1.4826 * float(np.median(np.abs(within_m))) > _WITHIN_CELL * rough_m
-    if scattered or _step_share(design, off_m) > _STEP_SHARE:
+    if not known and (scattered or _step_share(design, off_m) > _STEP_SHARE):
         return None
-    if _least_across_m(design, off_m) < _ACROSS * rough_m:
+    if not known and _least_across_m(design, off_m) < _ACROSS * rough_m:
         return None
     bumps = max(1.0, len(off_m) * (CELL_M / _BUMP_M) ** 2)
     unseen = 1.0 - len(off_m) / size + _SEEN_BADLY
@@ -96,7 +100,7 @@ _MOST_SIGMA = 4.0
 _WITHIN_CELL = 0.5
 _STEP_SHARE = 0.5
 _LEAST_OF_CELL = 2
-_LEAST_KNOWN = 0.5
+_LEAST_SEEN = 0.5
 _ACROSS = 0.33  # of simulated flights and steps 5 % leave more, of bumps 12 % less
 _BUMP_M = 0.2
 _SEEN_BADLY = 0.02

@@ -22,7 +22,7 @@ from perception import so3
 from perception.depth.disparity import DisparityCamera
 from perception.heading import heading
 from perception.terrain.edges import Edge, find_edges
-from perception.terrain.kinds import FROM_M, kind_of
+from perception.terrain.kinds import FROM_M, ROUGH_M, higher_than_bumps, kind_of
 from perception.terrain.memory import EdgeMemory
 from perception.terrain.near_ground import NearGround
 from perception.terrain.obstacle_memory import ObstacleMemory
@@ -76,7 +76,9 @@ class TerrainEstimator:
         surfaces, before = (
             tuple(moved(surface, *gone_m) for surface in each) for each in (seen.surfaces, seen.shown_before)
         )
-        return PathAhead(tuple(edges), surfaces, seen.yaw_rad, before)
+        rough_m = self._roughness.rough_m
+        steps = higher_than_bumps(edges, rough_m)
+        return PathAhead(tuple(steps), surfaces, seen.yaw_rad, before, rough=rough_m > ROUGH_M)
 
     def estimate(
         self,

@@ -11,13 +11,15 @@ from perception.terrain.surfaces import Surface
 
 @dataclass(frozen=True)
 class PathAhead:
-    """Confirmed edges in the order of their distance; the newest frame's surfaces along u = x + y tan(yaw), and nearer
-    than these what only frames before it have shown."""
+    """Confirmed edges in the order of their distance, higher than bumps; the newest frame's surfaces along
+    u = x + y tan(yaw), and nearer than these what only frames before it have shown. On `rough` ground surfaces meet
+    beside bumps, and that is no border."""
 
     edges: tuple[Edge, ...] = ()
     surfaces: tuple[Surface, ...] = ()
     yaw_rad: float = 0.0
     shown_before: tuple[Surface, ...] = ()
+    rough: bool = False
 
     def surface_at(self, u_m: float) -> Surface | None:
         """Return the surface that reaches to `u_m`, or nearly; None where none is seen."""
@@ -47,6 +49,8 @@ class PathAhead:
 
     def _bends(self) -> list[tuple[float, float]]:
         """Return where along u the slope changes, and by how much."""
+        if self.rough:
+            return []
         return [
             (0.5 * (one.to_m + other.from_m), other.slope - one.slope)
             for one, other in pairwise(self.surfaces)

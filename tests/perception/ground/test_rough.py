@@ -1,22 +1,32 @@
 """Rough ground has a plane with its bumps as uncertainty; steps, flights, smooth ground and clutter are none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from daemon.pipeline import Pipeline
+from lab.faults.criteria import errors_of
+from messages import GroundPlane, Status
 from messages.arrays import FloatArray
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import PlaneFit
 from perception.ground.rough import rough_plane
+from sim_rig.walk.relief import Relief
+from sim_rig.walk.scenario import Pace, over_level
+from sim_rig.walk.world import World
+from sim_rig.wearer import SimulatedWearer
 
 REGION = FootholdSettings().region
+START_NS, SECOND_NS = 10_000_000_000, 1_000_000_000
 X, Y = (grid.ravel() for grid in np.meshgrid(np.arange(0.405, 1.0, 0.01), np.arange(-0.295, 0.3, 0.01)))
 
 
-def plane_of(z_m: FloatArray, *, noise_m: float = 0.002) -> PlaneFit | None:
+def plane_of(z_m: FloatArray, *, noise_m: float = 0.002, known: bool = False) -> PlaneFit | None:
     z_m = z_m + np.random.default_rng(1).normal(0.0, noise_m, z_m.shape) - 0.95
-    return rough_plane(np.column_stack((X, Y, z_m)), np.full(len(X), 40.0), REGION)
+    return rough_plane(np.column_stack((X, Y, z_m)), np.full(len(X), 40.0), REGION, known=known)
 
 
 def bumps(rms_m: float, phase: float = 0.3) -> FloatArray:
@@ -62,4 +72,26 @@ def test_steps_and_flights_are_not_rough(rise_m: float, tread_m: float, yaw_deg:
 def test_clutter_and_what_is_hardly_seen_are_not_rough() -> None:
     assert plane_of(np.zeros_like(X), noise_m=0.05) is None
     points = np.column_stack((X, Y, bumps(0.03) - 0.95))[X < 0.62]
-    assert rough_plane(points, np.full(len(points), 40.0), REGION) is None
+    assert rough_plane(points, np.full(len(points), 40.0), REGION, known=False) is None
+
+
+def test_where_the_path_is_known_to_be_rough_a_single_bump_that_looks_like_a_step_is_none() -> None:
+    bump = 0.06 / (1.0 + np.exp(-(X - 0.75) / 0.02))
+    assert plane_of(bump) is None
+    fit = plane_of(bump, known=True)
+    assert fit is not None
+    assert np.sqrt(fit.covariance[0, 0]) > 0.05  # a sole on it slopes otherwise than the region
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [3, 6])
+def test_on_bumps_of_5_cm_no_valid_ground_is_wrong_and_most_is_valid(seed: int) -> None:
+    bare = over_level(Pace(), "bumps", "nothing on it")
+    walk = replace(bare, world=World(bare.world.lap, Relief.of_rms(0.05, 0.15, 7)))
+    wearer = SimulatedWearer(seed, walk, START_NS)
+    pipeline = Pipeline(wearer.calibration, FootholdSettings())
+    told = [each for message in wearer.offline_inputs(6.0) for each in pipeline.step(message)]
+    grounds = [each for each in told if isinstance(each, GroundPlane) and each.t_exposure_ns > START_NS + 2 * SECOND_NS]
+    valid = [each for each in grounds if each.status is Status.VALID]
+    assert len(valid) > 0.7 * len(grounds)
+    assert sum(errors_of(ground, wearer.truth_of(ground)).wrong for ground in valid) == 0

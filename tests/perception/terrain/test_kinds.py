@@ -7,7 +7,8 @@ import pytest
 
 from messages import TerrainKind
 from perception.terrain.edges import Edge
-from perception.terrain.kinds import kind_of
+from perception.terrain.kinds import higher_than_bumps, kind_of
+from perception.terrain.path_ahead import PathAhead
 from tests.perception.terrain.test_memory import RISER, STRAIGHT_ON
 
 
@@ -29,6 +30,13 @@ def test_near_the_bound_it_is_not_sure() -> None:
     found, probability = kind_of([replace(STRAIGHT_ON, slope=math.tan(math.radians(1.5)))], [], 0.001)
     assert found in (TerrainKind.LEVEL, TerrainKind.RAMP_UP)
     assert probability == pytest.approx(0.5, abs=0.05)
+
+
+def test_on_rough_ground_neither_bends_nor_edges_as_high_as_bumps_are_borders() -> None:
+    rising = replace(STRAIGHT_ON, from_m=STRAIGHT_ON.to_m, to_m=STRAIGHT_ON.to_m + 1.0, slope=0.1)
+    path = PathAhead(tuple(higher_than_bumps(edges((0.7, 0.06), (1.2, 0.3)), 0.012)), (STRAIGHT_ON, rising))
+    assert path.borders_m(0.0) == pytest.approx([1.2, STRAIGHT_ON.to_m])
+    assert replace(path, rough=True).borders_m(0.0) == [1.2]
 
 
 def test_bumps_are_rough() -> None:
