@@ -8,12 +8,11 @@ from daemon.pipeline import Pipeline
 from lab.faults import deformed_view
 from lab.faults.criteria import errors_of
 from lab.faults.faulty_camera import ImageChange
-from lab.faults.message_faults import KINDS
-from lab.faults.offline import FOR_EVER_NS, WALKS, OfflineWalk, Strike, struck
 from messages import GroundPlane, Health, Input, Reason, Status, StereoFrame
 from perception.ground.foothold import FootholdSettings
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
+from tests.daemon.struck_walks import told_since
 
 START_NS, ONSET_NS = 10_000_000_000, 12_600_000_000
 
@@ -84,17 +83,6 @@ def test_pictures_that_turn_over_in_mid_walk_are_never_valid(
     [("half-covered", 1, 6.0), ("half-covered", 7, 6.0), ("blur-9", 8, 9.5), ("camera-turned-15", 11, 5.0)],
 )
 def test_what_covers_blurs_or_turns_the_view_leaves_no_plane_of_chance(name: str, seed: int, seconds: float) -> None:
-    walk = OfflineWalk(seed, WALKS[seed % len(WALKS)], seconds)
-    onset_ns = START_NS + round(1e9 * np.random.default_rng([seed, 4]).uniform(3.5, 4.0))
-    chance = np.random.default_rng([seed, *name.encode()])
-    chance.integers(2)
-    strike = Strike(KINDS[name].draw(chance, walk.wearer.unit.stereo), onset_ns, FOR_EVER_NS)
-    pipeline = walk.new_pipeline()
-    grounds = [
-        told
-        for message in struck(walk.inputs, [strike])
-        for told in pipeline.step(message)
-        if isinstance(told, GroundPlane) and told.frame_seq >= 0 and told.t_exposure_ns >= onset_ns
-    ]
+    grounds, _, wearer = told_since(name, seed, seconds)
     assert len(grounds) > 20
-    assert wrong(grounds, walk.wearer) == 0
+    assert wrong(grounds, wearer) == 0

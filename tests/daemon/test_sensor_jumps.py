@@ -1,0 +1,28 @@
+"""A gyroscope or an accelerometer that becomes wrong in mid-walk: the tilt is stated as wide as it is wrong."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lab.faults.criteria import errors_of, tilt_error_rad
+from messages import Attitude, Status
+from sim_rig.wearer import SimulatedWearer
+from tests.daemon.struck_walks import told_since
+
+
+def beyond_three_deviations(attitude: Attitude, wearer: SimulatedWearer) -> bool:
+    R_WB = wearer.gait.at(np.array([attitude.t_sample_ns], dtype=np.int64)).R_WB[0]
+    variance = max(attitude.rotation_cov_W_rad2[0], attitude.rotation_cov_W_rad2[3])
+    return tilt_error_rad(attitude, R_WB) > 3.0 * math.sqrt(variance)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "seed"), [("accel-step-0.03", 1), ("accel-step-0.03", 10), ("gyro-step-5", 8)])
+def test_what_a_jump_has_done_to_the_tilt_is_stated(name: str, seed: int) -> None:
+    grounds, attitudes, wearer = told_since(name, seed, 10.0)
+    valid = [each for each in attitudes if each.status is Status.VALID]
+    assert len(valid) > 300
+    assert sum(beyond_three_deviations(each, wearer) for each in valid) < 0.1 * len(valid)
+    told = [each for each in grounds if each.status is Status.VALID]
+    assert sum(errors_of(ground, wearer.truth_of(ground)).wrong for ground in told) == 0
