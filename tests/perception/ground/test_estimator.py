@@ -1,6 +1,7 @@
 """The ground of rendered frames: the foothold's slope and height, and the uncertainty that goes with them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -14,7 +15,9 @@ from perception.depth.stereo_camera import view_of
 from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane
-from sim_rig.walk.scenario import scenario
+from sim_rig.walk.relief import Relief
+from sim_rig.walk.scenario import Pace, over_level, scenario
+from sim_rig.walk.world import World
 from sim_rig.wearer import SimulatedWearer
 
 START_NS = 10_000_000_000
@@ -85,6 +88,20 @@ def test_a_wrong_nominal_height_costs_some_frames_and_no_plane(nominal_height_m:
     ground, truth = found[-1]
     assert ground.status is Status.VALID
     assert ground.height_m == pytest.approx(truth.height_m, abs=0.01)
+
+
+@pytest.mark.parametrize(("nominal_height_m", "found"), [(0.95, True), (0.5, False)])
+def test_bumps_are_ground_at_the_likely_height_alone(nominal_height_m: float, found: bool) -> None:
+    bare = over_level(Pace(), "bumps", "nothing on it")
+    walk = replace(bare, world=World(bare.world.lap, Relief.of_rms(0.03, 0.15, 7)))
+    wearer = SimulatedWearer(11, walk, START_NS, perfect_calibration=True)
+    estimator = GroundEstimator(wearer.calibration, FootholdSettings(nominal_height_m=nominal_height_m))
+    valid = []
+    for frame, _ in wearer.frames(8, first=20):
+        R_WB = wearer.gait.at(np.array([frame.header.t_exposure_ns])).R_WB[0]
+        ground = estimator.estimate(frame, R_WB, (0.0, 0.0, 0.0), np.zeros((3, 3)))
+        valid.append(ground.status is Status.VALID)
+    assert any(valid) is found
 
 
 @pytest.mark.parametrize(("off_m", "contradicts"), [(-0.03, False), (0.2, True)])
