@@ -77,7 +77,7 @@ class TerrainEstimator:
             tuple(moved(surface, *gone_m) for surface in each) for each in (seen.surfaces, seen.shown_before)
         )
         rough_m = self._roughness.rough_m
-        steps = higher_than_bumps(edges, rough_m)
+        steps = higher_than_bumps(edges, _HIGHEST_BUMPS * rough_m)
         return PathAhead(tuple(steps), surfaces, seen.yaw_rad, before, rough=rough_m > ROUGH_M)
 
     def estimate(
@@ -209,5 +209,8 @@ def _obstacle(obstacle: Obstacle, too_long: float) -> TerrainObstacle:
 
 
 _PATH_LASTS_NS = 300_000_000
+_HIGHEST_BUMPS = 10.0
+"""In units of how much the ground varies across the path: what is higher bounds the foothold's surface. A kerb that is
+taken for a bump is worse than a bump for a kerb, so this is less than what the kind asks."""
 _LOWEST_M, _HIGHEST_M = 0.5, 1.6
 _FOLLOWS = 0.3

@@ -28,7 +28,7 @@ def kind_of(surfaces: Sequence[Surface], edges: Sequence[Edge], rough_m: float) 
 
     The probability is the share of that part that is of this kind, each place by how far its surface is from a bound.
     """
-    edges = higher_than_bumps(edges, rough_m)
+    edges = higher_than_bumps(edges, _OVER_BUMPS * rough_m)
     votes = dict.fromkeys(TerrainKind, 0.0)
     for at_m in np.arange(FROM_M + 0.5 * _CELL_M, TO_M, _CELL_M).tolist():
         for kind, share in _kinds_at(at_m, surfaces, edges, rough_m > ROUGH_M).items():
@@ -42,9 +42,9 @@ def kind_of(surfaces: Sequence[Surface], edges: Sequence[Edge], rough_m: float) 
     return kind, votes[kind] / total
 
 
-def higher_than_bumps(edges: Sequence[Edge], rough_m: float) -> list[Edge]:
-    """Return those of `edges` that are higher than bumps of ground that varies by `rough_m`, one σ, across the path."""
-    return [edge for edge in edges if abs(edge.rise_m) > _OVER_BUMPS * rough_m]
+def higher_than_bumps(edges: Sequence[Edge], bumps_m: float) -> list[Edge]:
+    """Return those of `edges` that are higher than bumps of `bumps_m`."""
+    return [edge for edge in edges if abs(edge.rise_m) > bumps_m]
 
 
 def _kinds_at(at_m: float, surfaces: Sequence[Surface], edges: Sequence[Edge], rough: bool) -> dict[TerrainKind, float]:

@@ -34,7 +34,7 @@ def test_near_the_bound_it_is_not_sure() -> None:
 
 def test_on_rough_ground_neither_bends_nor_edges_as_high_as_bumps_are_borders() -> None:
     rising = replace(STRAIGHT_ON, from_m=STRAIGHT_ON.to_m, to_m=STRAIGHT_ON.to_m + 1.0, slope=0.1)
-    path = PathAhead(tuple(higher_than_bumps(edges((0.7, 0.06), (1.2, 0.3)), 0.012)), (STRAIGHT_ON, rising))
+    path = PathAhead(tuple(higher_than_bumps(edges((0.7, 0.06), (1.2, 0.3)), 0.12)), (STRAIGHT_ON, rising))
     assert path.borders_m(0.0) == pytest.approx([1.2, STRAIGHT_ON.to_m])
     assert replace(path, rough=True).borders_m(0.0) == [1.2]
 
