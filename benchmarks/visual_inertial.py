@@ -64,7 +64,8 @@ class Judged:
 
 
 class Figures(msgspec.Struct, frozen=True, kw_only=True):
-    """One estimator on all units of a row; angles in degrees, shares from 0 to 1. `worst_seed` has the largest RMS."""
+    """One estimator on all units of a row; angles in degrees, shares from 0 to 1. `worst_seed` has the largest RMS.
+    NaN where no sample was valid."""
 
     rms_deg: float
     p99_deg: float
@@ -197,6 +198,8 @@ def figures(units: dict[int, Judged]) -> Figures:
         np.concatenate([getattr(unit, name) for unit in units.values()]).astype(np.float64)
         for name in ("inside", "wrong")
     )
+    if len(errors) == 0:
+        errors = inside = np.full(1, np.nan)
     rms_deg = {
         seed: float(np.degrees(np.sqrt(np.mean(unit.error_rad**2)))) if len(unit.error_rad) else np.nan
         for seed, unit in units.items()

@@ -115,7 +115,10 @@ def inside(image: GreyImage, points_px: Float32Array) -> BoolArray:
 
 def is_ambiguous(left: GreyImage, right: GreyImage, corner_px: Float32Array, matched_px: Float32Array) -> bool:
     """Return whether what is about a corner (2,) of the left eye is found in the right one not only at `matched_px`
-    (2,), but nearly as well further along the row."""
+    (2,), but nearly as well further along the row, with something unlike it between the two.
+
+    What changes little along the row, as a joint of floorboards does, is alike everywhere and comes back nowhere.
+    """
     half, above = _WINDOW_PX[0] // 2, _ROWS_APART_PX
     (u, v), (u_there, v_there) = (map(round, point_px.tolist()) for point_px in (corner_px, matched_px))
     height, width = left.shape
@@ -127,11 +130,9 @@ def is_ambiguous(left: GreyImage, right: GreyImage, corner_px: Float32Array, mat
     row = right[v_there - half - above : v_there + half + above + 1, first:last]
     likeness = cv2.matchTemplate(row, window, cv2.TM_CCOEFF_NORMED).max(axis=0)
     here = u_there - first - half
-    middle = likeness[1:-1]
-    peaks = (middle >= likeness[:-2]) & (middle >= likeness[2:])
-    peaks[max(0, here - 2) : here + 1] = False
-    elsewhere = middle[peaks].max(initial=-1.0)
-    return bool(elsewhere > _ALIKE * likeness[max(0, here - 1) : here + 2].max())
+    between = np.concatenate((np.minimum.accumulate(likeness[here::-1])[:0:-1], np.minimum.accumulate(likeness[here:])))
+    comes_back = (likeness > _ALIKE * likeness[max(0, here - 1) : here + 2].max()) & (between < _UNLIKE * likeness)
+    return bool(comes_back.any())
 
 
 _ORIGIN = np.zeros(3)
@@ -172,3 +173,6 @@ _ALONG_PX = 45
 """To either side: some of the smaller tiles, one of the larger."""
 _ALIKE = 0.9
 """Share of the best likeness."""
+_UNLIKE = 0.7
+"""Of that likeness, or less, is left between two tiles, at nine tenths of their corners; on floorboards at no more than
+four tenths of those that look alike elsewhere."""
