@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from messages.arrays import FloatImage, GreyImage
+from messages.arrays import GreyImage
 from perception.motion.corners import corners, detail, is_ambiguous
 from perception.motion.sheared import Shear
 
@@ -68,12 +68,9 @@ def test_floorboards_along_the_rows_look_alike_there_and_yet_do_not_come_back() 
     """Most of their corners lie on joints, and have their like along the joint: no two of them at the same distance."""
     grain = np.random.default_rng(5).standard_normal((720, 1280)).astype(np.float32)
     joints = np.where(np.arange(720) % 56 < 4, -40.0, 0.0)[:, None]
-    boards = 128.0 + joints + 5.0 * _normed(cv2.GaussianBlur(grain, (0, 0), 24.0, sigmaY=6.0))
+    wavy = np.asarray(cv2.GaussianBlur(grain, (0, 0), 24.0, sigmaY=6.0))
+    boards = 128.0 + joints + 5.0 * wavy / wavy.std()
     picture = detail(np.clip(boards, 0, 255).astype(np.uint8), 4)
     found = [is_ambiguous(picture, picture, corner, corner) for corner in corners(picture)]
     assert len(found) > 60
     assert np.mean(found) < 0.2
-
-
-def _normed(values: FloatImage) -> FloatImage:
-    return values / values.std()
