@@ -313,6 +313,9 @@ class Pipeline:
             placed = Reason.UNCONFIRMED
         elif not isinstance(placed, Reason) and ground.reason in PICTURES_WRONG:
             placed = ground.reason
+        elif self._ground.is_ambiguous(frame.header.t_exposure_ns):
+            self._terrain.begin_anew()
+            placed = Reason.LOW_TEXTURE
         if isinstance(placed, Reason):
             return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, placed)
         return self._terrain.estimate(

@@ -53,6 +53,10 @@ class GroundEstimator:
         """Return how the ground's height differs from the wearer's, where the calibration has that."""
         return self._known_height.difference
 
+    def is_ambiguous(self, t_ns: int) -> bool:
+        """Return whether the floor repeats itself so that, but for the track, planes a tile apart match as well."""
+        return self._repetition.is_ambiguous(t_ns)
+
     def set_foothold(self, foothold: FootholdSettings) -> None:
         """Measure another region from the next frame on."""
         self._foothold = foothold
@@ -241,6 +245,7 @@ class GroundEstimator:
                 self._tracker.forget()
             else:
                 self._tracker.begin(t_ns, *under, R_WH, attitude_cov_W)
+                self._repetition.check_next()
             self._view.begin_anew()
             self._known_height.begin_anew()
         return aim

@@ -8,7 +8,8 @@ the pair whose inverse heights differ by whole multiples of
 with h the height found and q the share of its disparities by which a tile moves them. Which of them the ground is, the
 picture tells where one fits clearly better than all others, as it does whenever the rows cross the tiles askew, or
 where the others are out of reach; else
-the track of earlier frames, which is nearer to the right one than half of δ; else nothing does.
+the track of earlier frames, which is nearer to the right one than half of δ; else nothing does. Beyond the foothold
+nothing tells the tiles apart: of such a floor there is no path.
 """
 
 from collections.abc import Callable
@@ -30,11 +31,24 @@ class RepetitionWatch:
 
     def __init__(self) -> None:
         self._until_ns: int | None = None
+        self._ambiguous = False
+        self._to_check = False  # what is expected was not measured in the foothold's region
         self._spacing_per_m = 0.0  # δ of (1)
 
     def repeats(self, t_ns: int) -> bool:
         """Return whether the floor was found to repeat itself of late."""
         return self._until_ns is not None and t_ns < self._until_ns
+
+    def is_ambiguous(self, t_ns: int) -> bool:
+        """Return whether the picture alone did not tell which tile matches which, since the floor repeats itself.
+
+        A stride turns the camera against the tiles, and for a part of it they can be told apart.
+        """
+        return self._ambiguous and self.repeats(t_ns)
+
+    def check_next(self) -> None:
+        """Believe what is expected only once the floor is seen not to repeat itself, or tells its planes apart."""
+        self._to_check = True
 
     def margin_m(self, t_ns: int, expected: Plane | None) -> float | None:
         """Return how far from `expected` the ground may be taken to lie; None where only its steps bound that."""
@@ -57,19 +71,23 @@ class RepetitionWatch:
         """
         if not self._asks(t_ns, fit, expected):
             return measured, True
+        was_ambiguous, proven = self.is_ambiguous(t_ns), not self._to_check
         found = ask(fit.plane)
         if expected is not None and not self.repeats(t_ns):
             found = found.of_the_floor()  # the other surface at an edge is no tile
         if not found.rivals and not self.repeats(t_ns):
+            self._to_check = False
             return measured, True
         if found.of_the_floor().rivals:
             self._until_ns = t_ns + round(1e9 * self.remembered_s)
         if found.rivals:
             self._spacing_per_m = min(abs(1.0 - rival.ratio) for rival in found.rivals) / fit.plane.height_m  # (1)
         ratio = (_where_ground_may_be(found, fit.plane, region) if expected is None else found).standing_out()
+        self._ambiguous = ratio is None or was_ambiguous
         if ratio is not None:
+            self._to_check = False
             height_m = fit.plane.height_m / ratio
-        elif expected is not None:
+        elif expected is not None and proven:
             height_m = expected.height_m
         else:
             return GroundMeasurement(Reason.LOW_TEXTURE, measured.matched_share), False
@@ -83,6 +101,7 @@ class RepetitionWatch:
     def _asks(self, t_ns: int, fit: PlaneFit, expected: Plane | None) -> bool:
         return (
             expected is None
+            or self._to_check
             or self.repeats(t_ns)
             or abs(fit.plane.height_m - expected.height_m) > self.surprising_m
             or fit.inlier_share < self.least_inlier_share

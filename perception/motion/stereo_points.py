@@ -57,7 +57,7 @@ class StereoPoints:
     most_common_px, most_rows_spread_px = 0.65, 0.4  # median and spread of that: more, and what matches is chance
     most_skew_spread_px = 0.2  # median about the median: more, and the matches do not agree on any skew
     least_rows_square = 0.3  # Σ y², of corners that lie on rows far enough apart to tell a growth
-    most_ambiguous = 0.85  # of the corners: only tiles have more that look the same elsewhere along the row
+    most_ambiguous = 0.8  # of the corners: only tiles have more that look the same elsewhere along the row
     asked_first, asked_each = 12, 3  # corners of a frame of which that is asked
     asked_together = 48  # of which the share is taken
 

@@ -55,10 +55,14 @@ class TerrainEstimator:
         self._R_BC = R_BC
         self._p_BC_m = np.array(calibration.X_BE.p_m)
         self._path = path or PathSettings()
-        self._memory = EdgeMemory()
-        self._obstacles = ObstacleMemory(self._path.half_width_m)
         self._height_m = nominal_height_m
         self.side = side
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Forget all that was seen of the path."""
+        self._memory = EdgeMemory()
+        self._obstacles = ObstacleMemory(self._path.half_width_m)
         self._roughness = Roughness()
         self._near = NearGround()
         self.surfaces = PathSurfaces((), 0.0)

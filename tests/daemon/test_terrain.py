@@ -60,3 +60,21 @@ def test_edges_before_a_flight_are_told_where_they_are(seed: int, kind: TerrainK
                 checked += 1
     assert checked > 20
     assert max(set(kinds), key=kinds.count) is kind
+
+
+@pytest.mark.long
+def test_on_tiles_all_alike_no_path_is_told_that_is_tiles_off_nor_does_the_ground_follow_one() -> None:
+    """The floor is level; two tiles further along the rows the path lies 0.7 m deeper."""
+    wearer = SimulatedWearer(1, scenario("mosaic-2.5cm"), START_NS)
+    pipeline, refused, valid = Pipeline(wearer.calibration, FootholdSettings()), 0, 0
+    for message in wearer.offline_inputs(4.6):
+        for told in pipeline.step(message):
+            if isinstance(told, Terrain) and told.status is Status.VALID:
+                assert (told.kind, told.edges) == (TerrainKind.LEVEL, ())
+            elif isinstance(told, Terrain):
+                refused += told.reason is Reason.LOW_TEXTURE
+            elif isinstance(told, GroundPlane) and told.status is Status.VALID:
+                assert told.height_m == pytest.approx(wearer.truth_of(told).height_m, abs=0.02)
+                valid += 1
+    assert refused > 30
+    assert valid > 25

@@ -123,3 +123,32 @@ def test_while_the_floor_repeats_the_ground_is_looked_for_within_half_a_tile() -
     margin_m = watch.margin_m(0, TRACKED)
     assert margin_m is not None
     assert 1.0 / (0.95 - margin_m) - 1.0 / 0.95 == pytest.approx(0.5 * TILE / 0.95)
+
+
+def test_a_floor_is_ambiguous_until_it_ends_once_no_plane_has_stood_out() -> None:
+    watch = RepetitionWatch()
+    resolved(watch, Floor(SELF_CLEAR), measured(0.95), None)
+    assert watch.repeats(0)
+    assert not watch.is_ambiguous(0)
+    resolved(watch, Floor(LIKE), measured(0.95), TRACKED)
+    resolved(watch, Floor(SELF_CLEAR), measured(0.95), TRACKED)
+    assert watch.is_ambiguous(0)
+    assert not watch.is_ambiguous(2_000_000_000)
+
+
+def test_a_plane_that_the_path_foretells_is_believed_only_where_the_picture_tells_it_apart() -> None:
+    watch, floor = RepetitionWatch(), Floor(LIKE)
+    watch.check_next()
+    for _ in range(2):
+        answer, may_begin = resolved(watch, floor, measured(0.95), TRACKED)
+        assert (answer.fit, answer.reason, may_begin) == (None, Reason.LOW_TEXTURE, False)
+    assert height_m(resolved(watch, Floor(SELF_CLEAR), measured(0.95), TRACKED)[0]) == 0.95
+    assert height_m(resolved(watch, floor, measured(0.95), TRACKED)[0]) == 0.95
+
+
+def test_a_foretold_plane_is_asked_about_once_where_the_floor_does_not_repeat() -> None:
+    watch, floor = RepetitionWatch(), Floor(NO_REPEATS)
+    watch.check_next()
+    for _ in range(2):
+        assert resolved(watch, floor, measured(0.95), TRACKED)[1]
+    assert floor.asked == 1

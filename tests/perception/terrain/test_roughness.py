@@ -60,5 +60,29 @@ def test_what_hides_the_ground_for_a_few_frames_changes_nothing() -> None:
     assert roughness.rough_m > ROUGH_M
 
 
+def test_a_surface_that_shows_little_is_not_rough_by_its_noise() -> None:
+    """Pixels side by side share what they are matched by, and so their errors: half of those of a pixel, as here."""
+    even = points_seen([(-1.0, 0.0, 6.0, 0.0)])
+    rng = np.random.default_rng(3)
+    cells = np.unique(np.floor(np.stack((even.x_m, even.y_m)) / 0.05), axis=1, return_inverse=True)[1].ravel()
+    shared = 0.5 * rng.standard_normal(cells.max() + 1)[cells] + rng.standard_normal(len(cells))
+    assert added(Roughness(), replace(even, z_m=even.z_m + 0.012 * shared)) < ROUGH_M
+
+
+def test_chance_matches_far_off_the_ground_are_no_bumps() -> None:
+    even = points_seen([(-1.0, 0.0, 6.0, 0.0)])
+    chance = np.random.default_rng(4).random(len(even.z_m)) < 0.25
+    assert added(Roughness(), replace(even, z_m=even.z_m + 0.3 * chance)) < ROUGH_M
+
+
+def test_a_ground_of_which_most_frames_show_too_little_is_not_rough() -> None:
+    roughness, bumps = Roughness(), bumpy(0.03)
+    for _ in range(4):
+        added(roughness, bumps)
+    for _ in range(5):
+        added(roughness, bumps.where(bumps.y_m > 0.2))
+    assert roughness.rough_m == 0.0
+
+
 def test_without_points_nothing_is_known() -> None:
     assert added(Roughness(), PathPoints(*(np.empty(0) for _ in range(6)))) == 0.0
