@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from messages import StereoCalibration
-from messages.arrays import Float32Array, FloatArray, GreyImage
+from messages.arrays import BoolArray, Float32Array, FloatArray, GreyImage
 from perception import so3
 from perception.motion.distance_jump import DistanceJumps
 from perception.motion.inner_motion import InnerMotion, steady_motion
@@ -157,6 +157,9 @@ class VisualOdometer:
         guess_px = self._stereo.left.pixels((before.points_C - p_m) @ R[0])
         levels = 0 if self._guess_noise_px(inner, step_s) < _NEAR_PX else 2
         seen_px, good = Shear(before.corners_px, guess_px).tracked(before.left, pair.left, levels)
+        carried = good & _is_carried(before.corners_px, guess_px, seen_px)
+        if np.count_nonzero(carried) < self._settings.majority * np.count_nonzero(good):
+            good &= ~carried
         if np.count_nonzero(good) < self.least_tracks:
             return None
         seen_px, points_C = seen_px[good], before.points_C[good]
@@ -180,6 +183,18 @@ class VisualOdometer:
         )
 
 
+def _is_carried(before_px: Float32Array, foretold_px: Float32Array, seen_px: Float32Array) -> BoolArray:
+    """Return which corners (N, 2) stay where they were in the picture, although they were foretold to move: the wearer
+    carries what they are on. While the wearer has hardly begun to move that differs from the ground by less than any
+    bound that tells other bodies apart."""
+    foretold = np.linalg.norm(foretold_px - before_px, axis=1)
+    moved = np.linalg.norm(seen_px - before_px, axis=1)
+    carried: BoolArray = (foretold > _TOLD_PX) & (moved < np.minimum(0.5 * foretold, _STAYS_PX))
+    return carried
+
+
+_TOLD_PX, _STAYS_PX = 0.08, 0.3
+"""Twice what tracking leaves; and what it leaves where a carried thing's edge is blurred over the ground."""
 _NEAR_PX = 1.0
 """Deviation of a guess from which tracking finds the corner without a coarser picture."""
 _USUAL_DEPTH_M = 1.0

@@ -16,12 +16,14 @@ Tukey's weights finds the nearest minimum only, so it begins at the best of many
 two or three points each would have: the one that most points share.
 
 What is foretold says where to look, and which of two motions is that of the ground: a trolley or the wearer's own leg
-is a rigid body as well. It is no term of the least squares. And a motion shared by far more points than any motion
-that was likely wins: then what was foretold is wrong.
+is a rigid body as well. It is no term of the least squares. Where the motion that was found is another than foretold,
+and many points share a motion near that more sharply, it is this one: a rollator that sets off with its wearer moves
+by less than `agreeing_px` otherwise than the ground, and what fits both is neither's motion. And a motion shared by far
+more points than any motion that was likely wins: then what was foretold is wrong.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,6 +55,8 @@ class RigidStepSettings:
     least_points: int = 12  # for six unknowns
     least_noise_px: float = 0.03  # of tracking, however still the picture
     most_noise_px: float = 0.5  # above it the points do not move as one rigid body
+    sharp_px: float = 0.25  # the same, of a motion beside another body's that is nearly the same,
+    sharp_share: float = 0.4  # which so many of the points must share
     agreeing_px: float = 1.0  # as far a point may be from a motion that it shares, before that is refined
     likely_sigmas: float = 3.0  # of what is foretold
     least_likely_radps: float = 0.02  # what nothing foretold is better than
@@ -130,14 +134,25 @@ def solve(
     if moved_C[2].min() < _LEAST_DEPTH_M:
         return None
     seen = np.ascontiguousarray(seen.T)
+    prior = np.linalg.inv(_likely(foretold, settings)).astype(np.float64)
     picture = moved_C[:2] / moved_C[2]
     misfit = (seen - picture) * (settings.f_px / settings.agreeing_px)
     start = np.zeros(6)
-    prior = np.linalg.inv(_likely(foretold, settings)).astype(np.float64)
     if _share(misfit) < settings.enough * misfit.shape[1]:
         flow = points.flow(picture, moved_C[2]) * (settings.f_px / settings.agreeing_px)
         start = _shared(misfit, flow, prior, settings)
-    return _refined(points, seen, start, prior, settings)
+    step = _refined(points, seen, start, prior, settings)
+    if step is None or foretold is None or _square(step, foretold) < 6.0 * settings.likely_sigmas**2:
+        return step
+    near = _refined(points, seen, np.zeros(6), prior, replace(settings, agreeing_px=settings.sharp_px))
+    if near is None or not near.likely or near.inliers < settings.sharp_share * seen.shape[1]:
+        return step
+    return near
+
+
+def _square(step: RigidStep, foretold: FloatArray) -> float:
+    """Return χ² of six of what a step differs from what was foretold, with the covariances of both."""
+    return float(step.rates @ np.linalg.solve(step.covariance + foretold, step.rates))
 
 
 def _likely(foretold: FloatArray | None, s: RigidStepSettings) -> FloatArray:

@@ -354,6 +354,15 @@ def test_while_imu_and_camera_contradict_each_other_there_is_no_ground(
     assert doubted == {reason is Reason.IMU_INCONSISTENT}
 
 
+@pytest.mark.parametrize("carried", ["tray", "rollator"])
+def test_what_sets_off_with_its_wearer_does_not_contradict_the_imu(carried: str) -> None:
+    """For the first tenths of a second it moves by less than half a pixel a frame otherwise than the ground."""
+    wearer = SimulatedWearer(3, scenario(carried), START_NS)
+    setting_off = [g for g in grounds(run(pipeline(wearer), list(wearer.offline_inputs(2.6)))) if g.frame_seq >= 40]
+    assert len(setting_off) > 8
+    assert {g.reason for g in setting_off} == {Reason.NONE}
+
+
 @pytest.mark.parametrize(("silence_s", "another"), [(0.8, False), (1.5, True)])
 def test_only_after_a_long_silence_may_it_be_another_camera(
     wearer: SimulatedWearer, inputs: list[Input], monkeypatch: pytest.MonkeyPatch, silence_s: float, another: bool
