@@ -171,14 +171,15 @@ def _smooth(state: AttitudeState, duration_s: float, settings: CameraStepSetting
     gain = min(1.0, duration_s / settings.ground_smoothing_s)
     ground.smooth_B = vec3.between(ground.smooth_B, to_vec3(R_WB.T @ ground.acceleration_W), gain)
     ground.steady_s += duration_s
+    ground.steady_gain_B = vec3.plus_scaled(ground.steady_gain_B, ground.smooth_B, duration_s)
     if math.dist(ground.smooth_B, ground.steady_B) > settings.ground_steady_mps2:
-        ground.steady_B, ground.steady_s = ground.smooth_B, 0.0
+        ground.steady_B, ground.steady_s, ground.steady_gain_B = ground.smooth_B, 0.0, vec3.ZERO
 
 
 def _is_bias(ground: GroundMotion, settings: CameraStepSettings) -> bool:
     """Return whether the acceleration has been the same in B for longer, and up to a higher speed, than any vehicle's:
     the accelerometer's bias has jumped."""
-    speed_mps = math.hypot(*ground.smooth_B) * ground.steady_s
+    speed_mps = math.hypot(*ground.steady_gain_B)
     return ground.steady_s > settings.ground_steady_s and speed_mps > settings.ground_steady_mps
 
 

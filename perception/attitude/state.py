@@ -226,7 +226,8 @@ class GroundMotion:
     goes_to_and_fro: bool = False  # too often for any ground
     smooth_B: Vec3 = vec3.ZERO  # the acceleration in B, smoothed,
     steady_B: Vec3 = vec3.ZERO  # near which it has been
-    steady_s: float = 0.0  # for so long
+    steady_s: float = 0.0  # for so long,
+    steady_gain_B: Vec3 = vec3.ZERO  # and what speed, m/s, that has made
     frozen_scale_var: float = 0.0  # variance of the scale of distances, which stays as it is meanwhile
 
 

@@ -200,6 +200,15 @@ def test_an_acceleration_that_lasts_longer_than_any_vehicles_is_the_acceleromete
     assert state.sf_bias == pytest.approx((0.0, acceleration_mps2 if is_bias else 0.0, 0.0), abs=1e-3)
 
 
+def test_a_bus_that_brakes_after_a_long_slow_drive_is_no_bias() -> None:
+    kalman, state = moving((0.3, 0.0, 0.0))
+    for acceleration_mps2, duration_s in ((0.25, 28.0), (-1.2, 5.0)):
+        state.ground.acceleration_W = (acceleration_mps2, 0.0, 0.0)
+        for _ in range(round(duration_s / 0.05)):
+            follow_ground(kalman, state, 0.05)
+            assert state.ground.moves
+
+
 def test_a_vehicle_that_turns_under_its_wearer_is_no_bias() -> None:
     kalman, state = moving((0.5, 0.0, 0.0))
     for step in range(1000):
