@@ -46,13 +46,14 @@ def score_table(title: str, scores: dict[str, Score], by: str = "ground") -> Rep
     """Return the accuracy on each kind of ground, or of whatever else the scores are told apart by."""
     return ReportTable(
         title,
-        [by, "frames", "valid", "sagittal RMS", "frontal RMS", "height RMS", "within 95 %"],
+        [by, "frames", "valid", "sagittal RMS", "P99", "frontal RMS", "height RMS", "within 95 %"],
         [
             [
                 kind,
                 str(score.frames),
                 f"{100 * score.valid_share:.1f} %",
                 f"{score.slope_sagittal_rms_deg:.2f}°",
+                f"{score.slope_sagittal_p99_deg:.2f}°",
                 f"{score.slope_frontal_rms_deg:.2f}°",
                 f"{score.height_rms_mm:.1f} mm",
                 f"{100 * score.coverage:.0f} %",

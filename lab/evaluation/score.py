@@ -10,7 +10,8 @@ from messages.constants import NORMAL_95
 
 
 class Score(msgspec.Struct, frozen=True, kw_only=True):
-    """Accuracy on one kind of ground. Errors are RMS over the valid frames; NaN where there are none.
+    """Accuracy on one kind of ground. Errors are RMS over the valid frames, that of the slope ahead also the error that
+    1 % of them exceed; NaN where there are none.
 
     `coverage` is the share of the three numbers that lie in their own stated 95 % interval.
     """
@@ -18,6 +19,7 @@ class Score(msgspec.Struct, frozen=True, kw_only=True):
     frames: int
     valid_share: float
     slope_sagittal_rms_deg: float
+    slope_sagittal_p99_deg: float
     slope_frontal_rms_deg: float
     height_rms_mm: float
     coverage: float
@@ -66,14 +68,16 @@ def _score(rows: list[tuple[float, ...]]) -> Score:
     valid = table[np.isfinite(table).all(axis=1)]
     error, std = valid[:, :3], valid[:, 3:]
     if len(valid) == 0:
-        rms, coverage = np.full(3, np.nan), np.nan
+        rms, p99, coverage = np.full(3, np.nan), np.nan, np.nan
     else:
         rms = np.sqrt((error**2).mean(axis=0))
+        p99 = float(np.quantile(np.abs(error[:, 0]), 0.99))
         coverage = float((np.abs(error) <= NORMAL_95 * std).mean())
     return Score(
         frames=len(table),
         valid_share=len(valid) / len(table) if len(table) else np.nan,
         slope_sagittal_rms_deg=float(np.degrees(rms[0])),
+        slope_sagittal_p99_deg=float(np.degrees(p99)),
         slope_frontal_rms_deg=float(np.degrees(rms[1])),
         height_rms_mm=float(1e3 * rms[2]),
         coverage=coverage,

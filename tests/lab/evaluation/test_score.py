@@ -50,6 +50,15 @@ def test_errors_are_of_the_valid_frames_and_shares_of_all_after_the_start() -> N
     assert set(board.summary()) == {"ramp", "all"}
 
 
+def test_one_slope_in_a_hundred_is_farther_off_than_the_quantile() -> None:
+    board = Scoreboard()
+    for off_rad in (*np.linspace(-0.01, 0.01, 990), *[0.05] * 10):
+        board.add(msgspec.structs.replace(VALID, slope_sagittal_rad=float(off_rad)), TRUTH)
+    assert 0.01 <= np.radians(board.summary()["all"].slope_sagittal_p99_deg) <= 0.05
+    board.add(msgspec.structs.replace(VALID, slope_sagittal_rad=-0.05), TRUTH)
+    assert board.summary()["all"].slope_sagittal_p99_deg == pytest.approx(np.degrees(0.05))
+
+
 def test_edges_and_standing_have_kinds_of_their_own() -> None:
     board, other = Scoreboard(), Scoreboard()
     board.add(VALID, msgspec.structs.replace(TRUTH, transition=True, standing=True))
