@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from messages import Calibration, GroundPlane, GroundTruth, Reason, Status, StereoFrame, Vec3, WearerHeight
+from perception.depth.deformation import SOUND
 from perception.depth.disparity import OutOfRangeError
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window
@@ -15,12 +16,14 @@ from perception.depth.stereo_camera import view_of
 from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane
+from perception.ground.view_check import ViewCheck
 from sim_rig.walk.relief import Relief
 from sim_rig.walk.scenario import Pace, over_level, scenario
 from sim_rig.walk.world import World
 from sim_rig.wearer import SimulatedWearer
 
 START_NS = 10_000_000_000
+CONTRADICTED = SOUND._replace(contradicts=True)
 
 
 def seen(name: str, seed: int, first: int, count: int) -> tuple[list[tuple[GroundPlane, GroundTruth]], Calibration]:
@@ -240,3 +243,16 @@ def test_on_tiles_all_alike_no_valid_ground_is_a_tile_off() -> None:
     heights_m = [(ground.height_m, truth.height_m) for ground, truth in walking if ground.status is Status.VALID]
     assert len(heights_m) >= 8
     assert max(abs(height_m - true_m) for height_m, true_m in heights_m) < 0.01  # a tile off: 0.15 m and more
+
+
+def test_a_plane_is_not_confirmed_past_two_frames_whose_view_is_deformed(monkeypatch: pytest.MonkeyPatch) -> None:
+    wearer = SimulatedWearer(16, scenario("standing"), START_NS, perfect_calibration=True)
+    estimator, told = GroundEstimator(wearer.calibration, FootholdSettings()), list[Reason]()
+    sound = ViewCheck.check
+    for k, (frame, _) in enumerate(wearer.frames(4, first=20)):
+        deformed = k in (1, 2)
+        monkeypatch.setattr(ViewCheck, "check", (lambda *_, **__: CONTRADICTED) if deformed else sound)
+        motion = wearer.gait.at(np.array([frame.header.t_exposure_ns]))
+        ground = estimator.estimate(frame, motion.R_WB[0], (0.0, 0.0, 0.0), np.zeros((3, 3)), v_W_mps=(0.0, 0.0, 0.0))
+        told.append(ground.reason)
+    assert told == [Reason.NOT_PLANAR, Reason.VIEW_DEFORMED, Reason.VIEW_DEFORMED, Reason.NOT_PLANAR]

@@ -95,6 +95,14 @@ def test_what_a_few_of_many_corners_say_begins_nothing_and_where_few_are_usual_i
     assert jumps.contradict
 
 
+@pytest.mark.parametrize(("wrong", "jumped"), [(18, True), (36, False)])
+def test_a_jump_is_one_that_four_of_five_corners_share(wrong: int, *, jumped: bool) -> None:
+    jumps = DistanceJumps()
+    jumps.add(corners(), off(120, 0.0))
+    jumps.add(corners(), off(120, 2.0, wrong=wrong))
+    assert jumps.contradict is jumped
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     "change",
