@@ -226,11 +226,14 @@ def ground_is_plausible(kalman: AttitudeKalman, state: AttitudeState) -> bool:
 
 
 def has_slipped(kalman: AttitudeKalman, state: AttitudeState) -> bool:
-    """Return whether the camera is known to have turned on its mount by more than the calibration allows."""
-    settings = kalman.settings.camera
-    deviation_rad = math.sqrt(float(np.diag(state.covariance[MOUNT, MOUNT]).max()))
-    likely_rad = _FAR_SIGMAS * (kalman.mount_rad + deviation_rad)
-    return math.hypot(*state.mount_B) > settings.most_slip_rad + likely_rad
+    """Return whether the camera is known to have turned on its mount by more than the calibration allows: by the
+    deviation of what it is known of along the turn."""
+    settings, turned_rad = kalman.settings.camera, math.hypot(*state.mount_B)
+    if turned_rad <= settings.most_slip_rad:
+        return False
+    along_B = np.array(state.mount_B) / turned_rad
+    deviation_rad = math.sqrt(along_B @ state.covariance[MOUNT, MOUNT] @ along_B)
+    return turned_rad > settings.most_slip_rad + _FAR_SIGMAS * math.hypot(kalman.mount_rad, deviation_rad)
 
 
 def distances_are_plausible(kalman: AttitudeKalman, state: AttitudeState) -> bool:

@@ -83,7 +83,7 @@ class CameraStepSettings:
     slip_memory_s: float = 3.0
     slip_sigmas: float = 4.0
     slip_rad: float = math.radians(2.0)
-    most_slip_rad: float = math.radians(0.2)
+    most_slip_rad: float = math.radians(0.25)
 
 
 @dataclass(frozen=True, kw_only=True)

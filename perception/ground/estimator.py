@@ -229,7 +229,8 @@ class GroundEstimator:
         path: PathAhead,
         v_C_W_mps: FloatArray | None,
     ) -> Aim:
-        """Choose the region of this frame; on another surface the track goes on from what the path shows of it."""
+        """Choose the region of this frame; on another surface the track goes on from what the path shows of it, unless
+        that may lie a tile off and no picture will tell."""
         if v_C_W_mps is not None:
             self._change.move(t_ns, (R_WH.T @ v_C_W_mps)[:2])
         expected = self._tracker.predicted(t_ns, R_WH)
@@ -241,7 +242,7 @@ class GroundEstimator:
         begins = expected is None and (aim.region.bounded or aim.passed)
         if self._change.has_come(t_ns, aim.region, path) or begins:
             under = plane_under(aim.region, path)
-            if under is None:
+            if under is None or (aim.passed and self._repetition.repeats(t_ns)):
                 self._tracker.forget()
             else:
                 self._tracker.begin(t_ns, *under, R_WH, attitude_cov_W)

@@ -9,7 +9,8 @@ import pytest
 
 from messages import Reason, Residual, vec3
 from perception import so3
-from perception.attitude.causes import follow_ground
+from perception.attitude.causes import follow_ground, has_slipped
+from perception.attitude.error_state import MOUNT
 from perception.attitude.kalman import AttitudeKalman
 from perception.attitude.state import AttitudeSettings, AttitudeState, GroundMotion
 from perception.motion.ego_motion import EgoMotion
@@ -145,6 +146,17 @@ def test_a_camera_that_slips_by_three_degrees_is_noticed_in_three_seconds(axis_B
     flagged = [_since_walking_s(step.t_ns) for step in followed if step.reason is not Reason.NONE]
     assert 1.0 < flagged[0] < 4.0
     assert followed[-1].reason is Reason.CAMERA_SLIPPED
+
+
+@pytest.mark.parametrize(("along_deg", "across_deg", "slipped"), [(0.1, 0.3, True), (0.3, 0.1, False)])
+def test_how_well_a_slip_is_known_is_how_well_it_is_along_its_own_axis(
+    along_deg: float, across_deg: float, slipped: bool
+) -> None:
+    kalman = AttitudeKalman(AttitudeSettings(), Residual(camera_to_imu_rad=math.radians(0.05)))
+    state = kalman.new_state()
+    state.mount_B = (0.0, math.radians(0.8), 0.0)
+    state.covariance[MOUNT, MOUNT] = np.diag(np.radians((across_deg, along_deg, across_deg)) ** 2)
+    assert has_slipped(kalman, state) is slipped
 
 
 def test_distances_that_are_too_long_are_found_out() -> None:

@@ -16,7 +16,11 @@ from perception.depth.stereo_camera import view_of
 from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane
+from perception.ground.repetition import RepetitionWatch
 from perception.ground.view_check import ViewCheck
+from perception.terrain.edges import Edge
+from perception.terrain.path_ahead import PathAhead
+from perception.terrain.surfaces import Surface
 from sim_rig.walk.relief import Relief
 from sim_rig.walk.scenario import Pace, over_level, scenario
 from sim_rig.walk.world import World
@@ -256,3 +260,23 @@ def test_a_plane_is_not_confirmed_past_two_frames_whose_view_is_deformed(monkeyp
         ground = estimator.estimate(frame, motion.R_WB[0], (0.0, 0.0, 0.0), np.zeros((3, 3)), v_W_mps=(0.0, 0.0, 0.0))
         told.append(ground.reason)
     assert told == [Reason.NOT_PLANAR, Reason.VIEW_DEFORMED, Reason.VIEW_DEFORMED, Reason.NOT_PLANAR]
+
+
+@pytest.mark.parametrize("repeats", [False, True])
+def test_on_a_floor_that_repeats_the_path_tells_nothing_of_ground_out_of_view(
+    monkeypatch: pytest.MonkeyPatch, repeats: bool
+) -> None:
+    wearer = SimulatedWearer(16, scenario("standing"), START_NS, perfect_calibration=True)
+    estimator, cov = GroundEstimator(wearer.calibration, FootholdSettings()), np.zeros((3, 3))
+    lip = Edge(0.75, 0.005, -0.6, 0.003, 0.0, 0.01, False)
+    below = Surface(0.3, 0.75, 0.5, -1.6, 0.0, 0.002, 0.005)  # as tiles matched beside each other show it
+    path = PathAhead((lip,), (replace(below, from_m=1.3, to_m=2.0),), shown_before=(below,))
+    monkeypatch.setattr(RepetitionWatch, "repeats", lambda *_: repeats)
+    frame, _ = next(iter(wearer.frames(1, first=20)))
+    R_WB = wearer.gait.at(np.array([frame.header.t_exposure_ns])).R_WB[0]
+    rest = (0.0, 0.0, 0.0)
+    ground = estimator.estimate(frame, R_WB, rest, cov, v_W_mps=rest, place_m=(0.55, 0.0), path=path)
+    if repeats:
+        assert (ground.status, ground.reason) == (Status.INVALID, Reason.FOOTHOLD_OUT_OF_VIEW)
+    else:
+        assert ground.height_m == pytest.approx(1.6)
