@@ -29,6 +29,14 @@ class RegionCells:
         """Return how many of these points (N,) each cell holds."""
         return np.bincount(self.place[some], minlength=len(self.centres))
 
+    def scatter_m(self, rise_m: FloatArray) -> float:
+        """Return how far the points are from the mean of their cell, one robust σ; `rise_m` (N,) are their heights."""
+        size = len(self.centres)
+        mean_m = np.bincount(self.place, rise_m, minlength=size) / np.maximum(
+            np.bincount(self.place, minlength=size), 1
+        )
+        return 1.4826 * float(np.median(np.abs(rise_m - mean_m[self.place])))
+
     def beside(self, things: list[BoolArray]) -> BoolArray:
         """Return which points (N,) are on `things`, or in a cell that is mostly things, or next to one."""
         on_thing = np.logical_or.reduce(things)

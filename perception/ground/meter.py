@@ -17,7 +17,7 @@ from perception.ground.block_errors import blocks
 from perception.ground.plane import Plane, PlaneFit, PlaneFitter
 from perception.ground.region import FootholdRegion
 from perception.ground.relief import bumps_cov, relief_cov
-from perception.ground.rough import rough_plane
+from perception.ground.rough import is_scatter, rough_plane
 from perception.ground.things import is_ground
 
 
@@ -46,6 +46,10 @@ class GroundMeter:
     even_share = 0.75
     even_noise_px = 0.3
     """Where a plane has fewer inliers, or more noise, rough ground may explain the region better."""
+    faint_inlier_share = 0.9
+    faint_factor = 2.5
+    """So many times what its blocks show a plane of faint texture may be off, where matches err alike over larger
+    parts of the picture: measured on the rig's poured floors."""
     most_pixels = 5000
     beside_unseen_px = 0.3
     """What all of a block errs by together, one σ, where nothing of the region but it is seen: along the border of what
@@ -123,7 +127,7 @@ class GroundMeter:
             if through is not None:
                 lasting = self._residual_cov(through.plane, R_HC, focal_difference)
                 return GroundMeasurement(Reason.NONE, matched_share, through, lasting, patch)
-        if rough or fit is None or not self._is_plane(fit):
+        if rough or fit is None or not self._is_plane(fit, points_H, region, expected):
             return GroundMeasurement(self._unseen(Reason.NOT_PLANAR, images, points_C), matched_share)
         if fit.plane.steepness_rad > (STEEPEST_BOUNDED_RAD if region.bounded else self._fitter.steepest_rad):
             return GroundMeasurement(Reason.TOO_STEEP, matched_share)
@@ -135,6 +139,8 @@ class GroundMeter:
             weights = region.weights(points_H)
             fit = self._fitter.refined(rays_H, disparity_px, weights, fit.plane, block, common_px) or fit
             misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
+        if self._is_faint(fit):
+            fit = replace(fit, covariance=self.faint_factor**2 * fit.covariance)
         lasting = self._residual_cov(fit.plane, R_HC, focal_difference)
         lasting += relief_cov(fit, points_H, disparity_px, misfit_px, block, region, self.locking_px)
         if fit.noise_px <= self.even_noise_px:
@@ -143,9 +149,17 @@ class GroundMeter:
             fit = replace(fit, covariance=fit.covariance + _beside_borders(region))
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)
 
-    def _is_plane(self, fit: PlaneFit) -> bool:
-        """Return whether a plane is what is seen, and not clutter."""
-        return fit.noise_px < self._fitter.most_noise_px and fit.inlier_share >= self.least_inlier_share
+    def _is_plane(self, fit: PlaneFit, points_H: FloatArray, region: FootholdRegion, expected: Plane | None) -> bool:
+        """Return whether a plane is what is seen, and not clutter: on faint texture only one that is expected, about
+        which nearly all scatters."""
+        if not self._is_faint(fit):
+            return fit.inlier_share >= self.least_inlier_share
+        nearly_all = expected is not None and fit.inlier_share >= self.faint_inlier_share
+        return nearly_all and is_scatter(points_H, fit.plane.rise_m(points_H), region)
+
+    def _is_faint(self, fit: PlaneFit) -> bool:
+        """Return whether disparities scatter as matches of faint texture do, or of none."""
+        return fit.noise_px >= self._fitter.most_noise_px
 
     def is_even(self, fit: PlaneFit) -> bool:
         """Return whether nearly all that is near the plane lies on it, and not on bumps about it."""

@@ -51,8 +51,7 @@ def rough_plane(
     ):
         return None
     all_off_m = z_m - points_H[:, :2] @ (a, b) - c
-    within_m = all_off_m - np.bincount(cells.place, all_off_m, minlength=size)[cells.place] / count[cells.place]
-    scattered = 1.4826 * float(np.median(np.abs(within_m))) > _WITHIN_CELL * rough_m
+    scattered = cells.scatter_m(all_off_m) > _WITHIN_CELL * rough_m
     if not known and (scattered or _step_share(design, off_m) > _STEP_SHARE):
         return None
     if not known and _least_across_m(design, off_m) < _ACROSS * rough_m:
@@ -65,6 +64,13 @@ def rough_plane(
     cov = to_abh @ cov @ to_abh + about_middle(region, sole_slope_cov(cells, all_off_m))
     misfit_px = float(np.sqrt(np.mean((all_off_m * misfit_per_m) ** 2)))
     return PlaneFit(Plane((float(a), float(b)), float(-c)), cov, misfit_px, 1.0, rough_m)
+
+
+def is_scatter(points_H: FloatArray, rise_m: FloatArray, region: FootholdRegion) -> bool:
+    """Return whether points (N, 3) that lie `rise_m` (N,) above a plane do so one by one, as noise does, and not
+    together with those beside them, as on bumps, steps and things."""
+    beyond_m = 1.4826 * float(np.median(np.abs(rise_m)))
+    return RegionCells(points_H, region).scatter_m(rise_m) > _WITHIN_CELL * beyond_m
 
 
 def _step_share(design: FloatArray, off_m: FloatArray) -> float:

@@ -1,5 +1,6 @@
 """The ground of rendered frames: the foothold's slope and height, and the uncertainty that goes with them."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -280,3 +281,12 @@ def test_on_a_floor_that_repeats_the_path_tells_nothing_of_ground_out_of_view(
         assert (ground.status, ground.reason) == (Status.INVALID, Reason.FOOTHOLD_OUT_OF_VIEW)
     else:
         assert ground.height_m == pytest.approx(1.6)
+
+
+def test_on_a_poured_floor_the_ground_goes_on_where_matches_scatter() -> None:
+    """Of these frames of faint texture most have more noise than any other ground, about one plane."""
+    pairs, _ = seen("plain-floor", 6, 50, 20)
+    valid = [(ground, truth) for ground, truth in pairs if ground.status is Status.VALID]
+    assert len(valid) >= 15
+    for ground, truth in valid:
+        assert abs(ground.height_m - truth.height_m) < 4.0 * math.sqrt(ground.covariance[5])

@@ -13,7 +13,7 @@ from messages import GroundPlane, Status
 from messages.arrays import FloatArray
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import PlaneFit
-from perception.ground.rough import rough_plane
+from perception.ground.rough import is_scatter, rough_plane
 from sim_rig.walk.relief import Relief
 from sim_rig.walk.scenario import Pace, over_level
 from sim_rig.walk.world import World
@@ -55,6 +55,14 @@ def test_the_plane_through_bumps_is_that_of_least_squares_and_as_uncertain_as_th
     middle = np.array([-0.7, 0.0, 1.0])  # of the height of the region's middle
     assert np.sqrt(middle @ fit.covariance @ middle) == pytest.approx(fit.rough_m, rel=0.2)
     assert np.linalg.eigvalsh(fit.covariance).min() > 0.0
+
+
+@pytest.mark.parametrize("high_m", [0.0, 0.02])
+def test_what_lies_off_a_plane_scatters_on_even_ground_and_not_at_a_step_or_on_bumps(high_m: float) -> None:
+    noise_m = np.random.default_rng(2).normal(0.0, 0.006, X.shape)
+    for high, scatters in ((high_m * (X > 0.7), high_m == 0.0), (bumps(high_m or 1e-9), high_m == 0.0)):
+        rise_m = high - high.mean() + noise_m
+        assert is_scatter(np.column_stack((X, Y, rise_m - 0.95)), rise_m, REGION) is scatters
 
 
 def test_smooth_ground_is_not_rough() -> None:
