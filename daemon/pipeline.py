@@ -314,11 +314,10 @@ class Pipeline:
         elif not isinstance(placed, Reason) and ground.reason in PICTURES_WRONG:
             placed = ground.reason
         elif self._ground.is_ambiguous(frame.header.t_exposure_ns):
-            self._terrain.begin_anew()
-            placed = Reason.LOW_TEXTURE
+            placed = self._ambiguous_path()
         if isinstance(placed, Reason):
             return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, placed)
-        return self._terrain.estimate(
+        terrain = self._terrain.estimate(
             frame,
             placed.R_WB,
             placed.w_WB_B,
@@ -326,6 +325,14 @@ class Pipeline:
             height_rate_mps=placed.vertical_swing_mps,
             distance_scale=self._attitude.distance_scale,
         )
+        if self._ground.makes_ambiguous(ground, self._terrain.surfaces.surfaces):
+            return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, self._ambiguous_path())
+        return terrain
+
+    def _ambiguous_path(self) -> Reason:
+        """Forget the path, whose points may lie a tile off; return why there is none."""
+        self._terrain.begin_anew()
+        return Reason.LOW_TEXTURE
 
     def _nothing(self, t_ns: int, seq: int, reason: Reason) -> Iterator[Estimate]:
         self._propagation.drop(reason)

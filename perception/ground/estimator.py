@@ -1,6 +1,7 @@
 """A frame and the attitude at its mid-exposure to the published estimate of the ground ahead."""
 
 import math
+from collections.abc import Sequence
 from functools import partial
 
 import msgspec
@@ -22,6 +23,7 @@ from perception.ground.tracking import PlaneTracker, TrackingSettings
 from perception.ground.view_check import ViewCheck
 from perception.heading import heading
 from perception.terrain.path_ahead import PathAhead
+from perception.terrain.surfaces import Surface
 
 
 class GroundEstimator:
@@ -56,6 +58,13 @@ class GroundEstimator:
     def is_ambiguous(self, t_ns: int) -> bool:
         """Return whether the floor repeats itself so that, but for the track, planes a tile apart match as well."""
         return self._repetition.is_ambiguous(t_ns)
+
+    def makes_ambiguous(self, ground: GroundPlane, surfaces: Sequence[Surface]) -> bool:
+        """Return whether a path with these surfaces may lie a tile off where `ground` does not, if that is valid."""
+        if ground.status is not Status.VALID:
+            return False
+        heights_m = [-surface.height_m for surface in surfaces if surface.height_m < 0.0]
+        return self._repetition.makes_ambiguous(ground.t_exposure_ns, ground.height_m, heights_m)
 
     def set_foothold(self, foothold: FootholdSettings) -> None:
         """Measure another region from the next frame on."""

@@ -9,10 +9,11 @@ with h the height found and q the share of its disparities by which a tile moves
 picture tells where one fits clearly better than all others, as it does whenever the rows cross the tiles askew, or
 where the others are out of reach; else
 the track of earlier frames, which is nearer to the right one than half of δ; else nothing does. Beyond the foothold
-nothing tells the tiles apart: of such a floor there is no path.
+nothing tells the tiles apart: of such a floor there is no path, nor of one whose path shows a surface at another of
+these heights.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from messages import Reason
 from perception.depth.repeats import Repeats
@@ -27,6 +28,7 @@ class RepetitionWatch:
     remembered_s = 1.0
     surprising_m = 0.03  # off the height expected: the hip moves by a third of that between two frames
     least_inlier_share = 0.9  # fewer may be those of two planes
+    as_far_as_tiles = 0.15  # of a tile, beside a whole number of them
     most_misfit = 0.15  # of the plane to the region: level tiles leave 0.07, two treads of a stair 0.2 and more
 
     def __init__(self) -> None:
@@ -45,6 +47,15 @@ class RepetitionWatch:
         A stride turns the camera against the tiles, and for a part of it they can be told apart.
         """
         return self._ambiguous and self.repeats(t_ns)
+
+    def makes_ambiguous(self, t_ns: int, height_m: float, heights_m: Sequence[float]) -> bool:
+        """Return whether surfaces that are seen so far below the camera, beside the ground at `height_m`, may be the
+        same floor a tile off: it repeats itself, and one lies where (1) puts another plane. It is ambiguous then."""
+        if self.repeats(t_ns):
+            tiles = [abs(1.0 / other_m - 1.0 / height_m) / self._spacing_per_m for other_m in heights_m]
+            off = any(round(each) > 0 and abs(each - round(each)) < self.as_far_as_tiles for each in tiles)
+            self._ambiguous = self._ambiguous or off
+        return self.is_ambiguous(t_ns)
 
     def check_next(self) -> None:
         """Believe what is expected only once the floor is seen not to repeat itself, or tells its planes apart."""

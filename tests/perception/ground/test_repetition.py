@@ -136,6 +136,22 @@ def test_a_floor_is_ambiguous_until_it_ends_once_no_plane_has_stood_out() -> Non
     assert not watch.is_ambiguous(2_000_000_000)
 
 
+@pytest.mark.parametrize(
+    ("other_m", "ambiguous"),
+    [(0.95 / (1.0 - 2.0 * TILE), True), (0.95 / (1.0 + TILE), True), (0.95, False), (0.95 / (1.0 - 0.5 * TILE), False)],
+    ids=["two tiles lower", "a tile higher", "the ground itself", "a step of half a tile"],
+)
+def test_a_surface_of_the_path_a_tile_off_the_ground_makes_a_floor_that_repeats_ambiguous(
+    other_m: float, ambiguous: bool
+) -> None:
+    watch = RepetitionWatch()
+    assert not watch.makes_ambiguous(0, 0.95, [other_m])
+    resolved(watch, Floor(SELF_CLEAR), measured(0.95), None)
+    assert watch.makes_ambiguous(0, 0.95, [0.95, other_m]) is ambiguous
+    assert watch.is_ambiguous(0) is ambiguous
+    assert not watch.is_ambiguous(2_000_000_000)
+
+
 def test_a_plane_that_the_path_foretells_is_believed_only_where_the_picture_tells_it_apart() -> None:
     watch, floor = RepetitionWatch(), Floor(LIKE)
     watch.check_next()
