@@ -22,7 +22,7 @@ from sim_rig.wearer import SimulatedWearer
 _NOTHING_OFF = Errors(0.0, 0.0, False)
 _PROMPT_NS = 25_000_000  # without `take` for so long, half a frame, the listener itself was late
 _SAME_BY_NOW_NS = 100_000_000  # so long after CAN the same ground has come on Zenoh too, if it does,
-_AS_ONE_NS = 10_000_000  # exposed within so much: ages on CAN are rounded to a millisecond
+_AS_ONE_NS = 25_000_000  # exposed within so much, half a frame: on CAN an exposure is told by the time of arrival
 _LAST = 8
 _KEPT = 4096  # messages of each kind: three minutes of grounds
 
@@ -152,16 +152,23 @@ class Listener:
 
     def _take_can(self, t_ns: int, prompt: bool, received: ReceivedGround) -> None:
         """Judge a ground of CAN, which does not tell its place, by the place that the same one tells on Zenoh."""
-        truth = self._wearer.truth(received.t_exposure_ns)
-        for heard in itertools.islice(reversed(self.grounds), _LAST):
-            if abs(heard.ground.t_exposure_ns - received.t_exposure_ns) < _AS_ONE_NS:
-                truth = heard.truth
-                break
+        truth = self._truth_beside(received.t_exposure_ns)
         numbers = (received.slope_sagittal_rad, received.slope_frontal_rad, received.height_m)
         deviations = (received.slope_sagittal_sd_rad, received.slope_frontal_sd_rad, received.height_sd_m)
         errors = ground_errors(numbers, deviations, truth) if prompt else _NOTHING_OFF
         self.on_can.append(HeardOnCan(t_ns, errors))
         self.wrong += Wrong(can=errors.wrong)
+
+    def _truth_beside(self, t_exposure_ns: int) -> GroundTruth:
+        """Return the truth of the ground of Zenoh that was exposed then; of the fixed place where there is none."""
+
+        def apart_ns(heard: Heard) -> int:
+            return abs(heard.ground.t_exposure_ns - t_exposure_ns)
+
+        nearest = min(itertools.islice(reversed(self.grounds), _LAST), key=apart_ns, default=None)
+        if nearest is None or apart_ns(nearest) > _AS_ONE_NS:
+            return self._wearer.truth(t_exposure_ns)
+        return nearest.truth
 
     def _take_attitude(self, t_ns: int, attitude: Attitude) -> None:
         valid = attitude.status is Status.VALID

@@ -53,6 +53,8 @@ def aimed(settings: FootholdSettings, place_m: tuple[float, float] | None, path:
     bounded = before_m > min(ahead_m, fixed.ahead_m) - _NEAR_BORDER_M or behind_m < ahead_m + _NEAR_BORDER_M
     from_m, to_m = before_m + _BESIDE_BORDER_M, behind_m - _BESIDE_BORDER_M
     place = Aim(replace(fixed, ahead_m=ahead_m, left_m=aside_m))
+    if view.nearest_m == math.inf:  # the camera looks up
+        return replace(place, reason=Reason.FOOTHOLD_OUT_OF_VIEW)
     lip = path.edge_at(before_m, aside_m)
     if lip is not None and lip.rise_m < 0.0:
         above_m = path.height_before(before_m, view.height_m)

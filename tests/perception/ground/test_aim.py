@@ -83,6 +83,15 @@ def test_a_tread_that_the_picture_does_not_reach_down_to_is_passed() -> None:
     assert (aim.reason, aim.passed) == (Reason.FOOTHOLD_OUT_OF_VIEW, True)
 
 
+def test_a_camera_that_looks_up_sees_no_foothold() -> None:
+    """As an attitude says whose accelerometer has turned over: no region is without a place."""
+    for path in (PathAhead(), flight(0.17), PathAhead((edge(0.6, 0.17),))):
+        aim = aimed(SETTINGS, (0.7, -0.1), path, View(0.95, math.inf, math.inf))
+        assert aim.reason is Reason.FOOTHOLD_OUT_OF_VIEW
+        assert not aim.passed
+        assert math.isfinite(aim.region.ahead_m)
+
+
 def test_a_tread_that_legs_hide_is_passed_where_it_was_shown_before() -> None:
     edges, beyond = (edge(0.75, -0.17),), flat(0.9, 2.0, -1.12)
     hidden = PathAhead(edges, (beyond,))
