@@ -3,6 +3,7 @@
 Frames: L, R raw cameras; C rectified left camera (x right, y down, z forward).
 """
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -85,6 +86,7 @@ class Rectifier:
         self.R_LC: FloatArray = R_CL.T
         self.left_maps = _maps(_reduced(K_L, divisor), stereo.left, R_CL, K_C, self.width_px, self.height_px)
         self.right_maps = _maps(_reduced(K_R, divisor), stereo.right, R_CR, K_C, self.width_px, self.height_px)
+        self._left, self._right = _Eye(self.left_maps, divisor), _Eye(self.right_maps, divisor)
         middle_row = (size[1] - 1) / 2
         raw_row = divisor * (self.left_maps[1] + 0.5) - 0.5
         self.row_time_s: Float32Array = ((raw_row - middle_row) * stereo.row_time_s).astype(np.float32)
@@ -121,10 +123,8 @@ class Rectifier:
         """
         least, largest = disparities_px
         return (
-            _warp(_reduce(left, self.divisor), self.left_maps, window.rows, window.left, window.right),
-            _warp(
-                _reduce(right, self.divisor), self.right_maps, window.rows, window.left - largest, window.right - least
-            ),
+            self._left.warped(left, window.rows, window.left, window.right),
+            self._right.warped(right, window.rows, window.left - largest, window.right - least),
         )
 
     def rectify(
@@ -134,12 +134,44 @@ class Rectifier:
 
         Columns of the right window that lie outside its image are black. Of the rows only each `every`-th is returned.
         """
-        reduced_left, reduced_right = _reduce(left, self.divisor), _reduce(right, self.divisor)
         rows = slice(window.top, window.bottom, every)
         return (
-            _warp(reduced_left, self.left_maps, rows, window.left, window.right),
-            _warp(reduced_right, self.right_maps, rows, window.left - shift_px, window.right - shift_px),
+            self._left.warped(left, rows, window.left, window.right),
+            self._right.warped(right, rows, window.left - shift_px, window.right - shift_px),
         )
+
+
+class _Eye:
+    """One eye: `maps` (height_px, width_px), x and y, of where its reduced raw picture shows each rectified pixel."""
+
+    def __init__(self, maps: tuple[Float32Array, Float32Array], divisor: int) -> None:
+        self._maps, self._divisor = maps, divisor
+        self._highest, self._lowest = maps[1].min(axis=1), maps[1].max(axis=1)
+        self._small: GreyImage = np.empty((0, 0), np.uint8)
+
+    def warped(self, image: GreyImage, rows: slice, left: int, right: int) -> GreyImage:
+        """Return rectified `rows` and columns [left, right) of a raw picture; columns outside it are black."""
+        x, y = self._maps
+        width = x.shape[1]
+        inside = slice(max(left, 0), min(right, width))
+        small = self._reduced(image, rows)
+        warped = cv2.remap(small, x[rows, inside], y[rows, inside], cv2.INTER_LINEAR)
+        before, after = inside.start - left, right - inside.stop
+        return cv2.copyMakeBorder(warped, 0, 0, before, after, cv2.BORDER_CONSTANT) if before or after else warped  # type: ignore[return-value]
+
+    def _reduced(self, image: GreyImage, rows: slice) -> GreyImage:
+        """Return the reduced picture, of which only what is needed for rectified `rows` is that of `image`."""
+        if self._divisor == 1:
+            return image
+        height, width = (size // self._divisor for size in image.shape)
+        if self._small.shape != (height, width):
+            self._small = np.zeros((height, width), np.uint8)
+        first = min(max(math.floor(self._highest[rows].min()), 0), height)
+        end = min(max(math.floor(self._lowest[rows].max()) + 2, first), height)
+        some = image[self._divisor * first : self._divisor * end, : self._divisor * width]
+        if first < end:
+            cv2.resize(some, (width, end - first), dst=self._small[first:end], interpolation=cv2.INTER_AREA)
+        return self._small
 
 
 def intrinsics(lens: Lens) -> FloatArray:
@@ -163,31 +195,9 @@ def _reduced(K: FloatArray, divisor: int) -> FloatArray:
     return reduced
 
 
-def _reduce(image: GreyImage, divisor: int) -> GreyImage:
-    if divisor == 1:
-        return image
-    height, width = image.shape
-    size = (width // divisor, height // divisor)
-    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
-
-
 def _maps(
     K_raw: FloatArray, lens: Lens, R_C_raw: FloatArray, K_C: FloatArray, width_px: int, height_px: int
 ) -> tuple[Float32Array, Float32Array]:
     return cv2.initUndistortRectifyMap(  # type: ignore[return-value]
         K_raw, np.array(lens.distortion), R_C_raw, K_C, (width_px, height_px), cv2.CV_32FC1
     )
-
-
-def _warp(
-    image: GreyImage,
-    maps: tuple[Float32Array, Float32Array],
-    rows: slice,
-    left: int,
-    right: int,
-) -> GreyImage:
-    width = maps[0].shape[1]
-    inside = slice(max(left, 0), min(right, width))
-    warped = cv2.remap(image, maps[0][rows, inside], maps[1][rows, inside], cv2.INTER_LINEAR)
-    before, after = inside.start - left, right - inside.stop
-    return cv2.copyMakeBorder(warped, 0, 0, before, after, cv2.BORDER_CONSTANT) if before or after else warped  # type: ignore[return-value]
