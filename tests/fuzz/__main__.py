@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 from tests.fuzz.campaign import Tally, run
-from tests.fuzz.decoders import DECODERS, Decoder
+from tests.fuzz.decoders import Decoder, chosen_decoders
 
 BATCH = 1000
 
@@ -24,9 +24,7 @@ def main() -> None:
     parser.add_argument("--only", help="names that begin so")
     parser.add_argument("--keep", type=Path, default=Path("build/fuzz"), help="where to put what breaks a decoder")
     arguments = parser.parse_args()
-    chosen = [each for each in DECODERS if arguments.only is None or each.name.startswith(arguments.only)]
-    if not chosen:
-        sys.exit(f"--only {arguments.only}: none of {', '.join(each.name for each in DECODERS)}")
+    chosen = chosen_decoders(arguments.only)
     shares = [1.0 / each.costs for each in chosen]
     print(f"{'decoder':28}{'inputs':>9}{'taken':>9}{'refused':>9}{'faults':>8}{'s':>8}", flush=True)
     total = faults = 0

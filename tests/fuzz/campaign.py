@@ -13,9 +13,10 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 
 from tests.fuzz.decoders import Decoder, outcome
 
-LONGEST_S = 10
-"""An input that takes longer is a hang; a C3D file has bounds of its own."""
-LONGEST_C3D_S = 90
+
+def longest_s(decoder: Decoder) -> int:
+    """Return after how long an input is a hang, in s; a C3D file, read in a child process, has bounds of its own."""
+    return 90 if decoder.name == "C3D" else 10
 
 
 class HangError(Exception):
@@ -38,7 +39,6 @@ class Tally(msgspec.Struct):
 def run(decoder: Decoder, count: int, seed_number: int) -> Tally:
     """Return what becomes of `count` inputs; the same seed draws the same ones."""
     tally = Tally()
-    longest_s = LONGEST_C3D_S if decoder.name == "C3D" else LONGEST_S
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -54,7 +54,7 @@ def run(decoder: Decoder, count: int, seed_number: int) -> Tally:
         @given(decoder.damage(decoder.samples()))
         def feed(data: bytes) -> None:
             try:
-                with _bounded(longest_s), warnings.catch_warnings():
+                with _bounded(longest_s(decoder)), warnings.catch_warnings():
                     warnings.simplefilter("error")
                     taken = outcome(decoder, data, folder)
             except Exception as fault:  # noqa: BLE001  # whatever it is, it is what is looked for
@@ -68,12 +68,12 @@ def run(decoder: Decoder, count: int, seed_number: int) -> Tally:
 
 
 @contextlib.contextmanager
-def _bounded(longest_s: int) -> Iterator[None]:
+def _bounded(most_s: int) -> Iterator[None]:
     def give_up(_number: int, _frame: FrameType | None) -> None:
-        raise HangError(f"took longer than {longest_s} s")
+        raise HangError(f"took longer than {most_s} s")
 
     before = signal.signal(signal.SIGALRM, give_up)
-    signal.alarm(longest_s)
+    signal.alarm(most_s)
     try:
         yield
     finally:

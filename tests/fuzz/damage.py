@@ -39,7 +39,7 @@ _WORDS = (
     b"\\u0000",
     b"\r",
 )
-_FRAGMENTS = (
+FRAGMENTS = (
     *_WORDS,
     b"\n",
     b"\n\n",
@@ -103,7 +103,7 @@ def damaged_text(draw: st.DrawFn, samples: tuple[bytes, ...]) -> bytes:
                 data = data[: token.start()] + draw(st.sampled_from(_WORDS)) + data[token.end() :]
         elif how == "fragment":
             place = draw(st.integers(0, len(data)))
-            data = data[:place] + draw(st.sampled_from(_FRAGMENTS)) + data[place:]
+            data = data[:place] + draw(st.sampled_from(FRAGMENTS)) + data[place:]
         else:
             data = _cut_repeated_or_flipped(draw, data, how)
     return data[:LONGEST_BYTES]

@@ -209,3 +209,11 @@ DECODERS = (
     Decoder("C3D layout", lambda: (samples.c3d_layout(),), _file("layout.toml", _layout)),
     Decoder("C3D", samples.c3d_files, _file("trial.c3d", _c3d), damaged_bytes, costs=300.0),
 )
+
+
+def chosen_decoders(only: str | None) -> list[Decoder]:
+    """Return the decoders whose names begin with `only`, or all; raises SystemExit where there is none."""
+    chosen = [each for each in DECODERS if only is None or each.name.startswith(only)]
+    if not chosen:
+        raise SystemExit(f"--only {only}: none of {', '.join(each.name for each in DECODERS)}")
+    return chosen
