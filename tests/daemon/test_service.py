@@ -38,8 +38,6 @@ from perception.ground.foothold import FootholdSettings
 from sim_rig.unit import draw_unit
 from tests.bench.quiet_devices import GreyCamera, QuietImu
 
-pytestmark = pytest.mark.realtime
-
 
 class Listener:
     """A publisher that keeps what it is given."""
