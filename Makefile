@@ -18,7 +18,7 @@ RULES := $(DESTDIR)$(PREFIX)/lib/udev/rules.d/70-gaiteyes.rules
 SYSUSERS := $(DESTDIR)$(PREFIX)/lib/sysusers.d/gaiteyes.conf
 README := $(DESTDIR)$(PREFIX)/share/doc/gaiteyes/README.md
 
-.PHONY: run test test-long test-hidden test-processors test-kernel fuzz check lint types contracts format lock clean install install-environment install-files uninstall
+.PHONY: run test test-long test-beside test-realtime test-hidden test-processors test-kernel fuzz check lint types contracts format lock clean install install-environment install-files uninstall
 
 run: $(INSTALLED)
 	$(BIN)/gaiteyes demo --seconds $(SECONDS)
@@ -27,20 +27,29 @@ run: $(INSTALLED)
 PYTEST := $(BIN)/python -m pytest
 PYTEST_BESIDE := $(ONE_THREAD) $(PYTEST) --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
-# The quick tier: what takes no more than a few seconds; then, one after another, what runs processes and threads in real
-# time.
+# What needs the machine for itself, because it works in real time: one test after another, no other file read.
+PYTEST_REALTIME := $(PYTEST) $$(grep -rl --include='test_*.py' mark.realtime tests)
+
+# The quick tier: what takes no more than a few seconds.
 test: $(INSTALLED)
 	$(PYTEST_BESIDE) -m "not hidden and not long and not realtime" $(ARGS)
-	$(PYTEST) -m "realtime and not long" $(ARGS)
+	$(PYTEST_REALTIME) -m "realtime and not long" $(ARGS)
 
 # What takes longer, in the same way.
 test-long: $(INSTALLED)
 	$(PYTEST_BESIDE) -m "long and not realtime" $(ARGS)
-	$(PYTEST) -m "long and realtime" $(ARGS)
+	$(PYTEST_REALTIME) -m "realtime and long" $(ARGS)
+
+# Quick and long at once, in two halves.
+test-beside: $(INSTALLED)
+	$(PYTEST_BESIDE) -m "not hidden and not realtime" $(ARGS)
+
+test-realtime: $(INSTALLED)
+	$(PYTEST_REALTIME) -m realtime $(ARGS)
 
 # Effects hidden anew in every run and counted; ARGS="--hidden-seed N" draws an earlier run's again.
 test-hidden: $(INSTALLED)
-	$(PYTEST) -m hidden tests/hidden $(ARGS)
+	$(ONE_THREAD) $(PYTEST) -m hidden tests/hidden $(ARGS)
 
 # The numerical tests with the linear algebra of other processors, and with one and two threads.
 test-processors: $(INSTALLED)
@@ -54,7 +63,11 @@ test-kernel: $(INSTALLED)
 fuzz: $(INSTALLED)
 	$(ONE_THREAD) $(BIN)/python -m tests.fuzz --inputs $(INPUTS) $(ARGS)
 
-check: lint types contracts test test-long test-hidden
+# The types take one processor while the tests begin.
+check: lint contracts
+	$(MAKE) --jobs 2 types test-beside
+	$(MAKE) test-realtime
+	$(MAKE) test-hidden
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

@@ -12,6 +12,12 @@ from typing import Final
 SETTINGS: Final = (("Haswell", 1), ("SkylakeX", 2), ("Zen", 2))
 """A kernel and a number of threads each."""
 
+PLACES: Final = (
+    *("tests/calib", "tests/discrepancy", "tests/impedance", "tests/lab/thesis", "tests/perception", "tests/systems"),
+    "tests/replay/test_frozen_walk.py",
+)
+"""The tests that may depend on the last bits of the processor's arithmetic."""
+
 _BESIDE: Final = ("--numprocesses", "auto", "--maxprocesses", "4", "--dist", "loadfile")
 
 # Prints the kernels of numpy and scipy, after the work that would end a process on a processor without their
@@ -25,7 +31,7 @@ print("/".join(sorted({pool["architecture"] for pool in pools})))
 
 
 def main(arguments: list[str]) -> int:
-    """Run the tests marked numerical under each setting; return 1 where one failed, else 0."""
+    """Run the tests in PLACES under each setting; return 1 where one failed, else 0."""
     ran: set[tuple[str, int]] = set()
     failed = []
     for kernel, threads in SETTINGS:
@@ -42,7 +48,7 @@ def main(arguments: list[str]) -> int:
         else:
             print(f"== {asked}: runs as {taken}", flush=True)
             ran.add((taken, threads))
-            tests = [sys.executable, "-m", "pytest", "-m", "numerical", *_BESIDE, *arguments]
+            tests = [sys.executable, "-m", "pytest", *PLACES, *_BESIDE, *arguments]
             if subprocess.run(tests, env=environment).returncode:
                 failed.append(asked)
     print(f"failed: {'; '.join(failed)}" if failed else f"passed under {len(ran)} settings", flush=True)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import convolve1d, gaussian_filter
 from skimage import data
 
-from messages.arrays import BoolArray, FloatArray, GreyImage
+from messages.arrays import BoolArray, Float32Array, FloatArray, GreyImage
 
 TEXEL_M = 0.002
 TILE = 1024
@@ -64,14 +64,17 @@ def _canvas(texture: str, rows: int, phase: int, row_level: int, column_level: i
     return laid
 
 
-@lru_cache(maxsize=256)
 def _reduced(texture: str, row_level: int, column_level: int) -> GreyImage:
-    image = _tile(texture).astype(np.float32)
-    for axis, level in enumerate((row_level, column_level)):
-        for _ in range(level):
-            image = convolve1d(image, _BINOMIAL, axis=axis, mode="wrap")
-            image = image[::2] if axis == 0 else image[:, ::2]
-    return np.rint(image).astype(np.uint8)
+    return np.rint(_level(texture, row_level, column_level)).astype(np.uint8)
+
+
+@lru_cache(maxsize=256)
+def _level(texture: str, row_level: int, column_level: int) -> Float32Array:
+    if row_level == column_level == 0:
+        return _tile(texture).astype(np.float32)
+    if column_level == 0:
+        return convolve1d(_level(texture, row_level - 1, 0), _BINOMIAL, axis=0, mode="wrap")[::2]
+    return convolve1d(_level(texture, row_level, column_level - 1), _BINOMIAL, axis=1, mode="wrap")[:, ::2]
 
 
 @lru_cache(maxsize=32)

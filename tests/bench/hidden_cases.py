@@ -6,8 +6,6 @@ these rates fails in fewer than one of 10 000 runs.
 
 import os
 import random
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import as_completed
@@ -21,6 +19,7 @@ from discrepancy.verdict import Verdict, from_json
 from lab.court.plan import DEVELOPMENT_SEEDS, SYSTEMS, hidden_system, look_alikes
 from lab.court.run import executor
 from lab.hidden.case import Case, Kind, System, TrueCause, Truth
+from tests.bench import fresh_command
 
 CASES: dict[str, dict[Kind, int]] = {
     "platform": {Kind.SINGLE: 14, Kind.PAIR: 6, Kind.CLEAN: 6, Kind.OUTSIDE: 4, Kind.WITHHELD: 5},
@@ -51,7 +50,10 @@ FALSE_FAILURE = 1e-5
 """How often one count may be too low by chance. A run makes fewer than ten."""
 
 LONGEST_S = 600.0
-_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1")
+
+
+class ExplainError(Exception):
+    """The command that explains a case failed: what it told."""
 
 
 @dataclass(frozen=True)
@@ -110,8 +112,8 @@ def judged(case: Case) -> Judged:
         truth = system.write(case, folder / "fit", folder / "held_out")
         try:
             verdict = explained(case.system, folder, left_out)
-        except subprocess.CalledProcessError as error:
-            return Judged(case, False, f"FAILED: {described(case)}", str(error.stderr))
+        except ExplainError as error:
+            return Judged(case, False, f"FAILED: {described(case)}", str(error))
     right = is_right(truth, verdict)
     answer = "; ".join(" or ".join((cause.name, *cause.equivalents)) for cause in verdict.causes)
     return Judged(case, right, f"{'right' if right else 'WRONG'}: {described(case)}: {verdict.verdict} {answer}")
@@ -125,14 +127,16 @@ def described(case: Case) -> str:
 def explained(name: str, folder: Path, left_out: Sequence[str] = ()) -> Verdict:
     """Return what a fresh process says of `folder`'s fit/ and held_out/, its library without what is left out.
 
-    Raises subprocess.CalledProcessError where it fails.
+    Raises ExplainError where it fails.
     """
-    command = [sys.executable, "-m", "cli.main", "explain", name, str(folder / "fit")]
-    options = ["--held-out", str(folder / "held_out"), "--out", str(folder / "out"), "--no-report"]
+    command = ["explain", name, str(folder / "fit"), "--held-out", str(folder / "held_out")]
+    options = ["--out", str(folder / "out"), "--no-report"]
     if left_out:
         options += ["--without", ",".join(left_out)]
-    environment = os.environ | _ONE_THREAD
-    subprocess.run([*command, *options], check=True, capture_output=True, text=True, timeout=LONGEST_S, env=environment)
+    log = folder / "log"
+    code = fresh_command.run([*command, *options], log, LONGEST_S)
+    if code:
+        raise ExplainError(f"exit code {code}: {log.read_text(encoding='utf-8')}")
     return from_json((folder / "out" / "verdict.json").read_bytes())
 
 

@@ -130,7 +130,6 @@ def test_what_shows_no_wearer_leaves_the_file_as_it_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.realtime
 def test_on_devices_that_show_nothing_the_file_stays_and_the_devices_are_closed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -50,7 +50,6 @@ def check() -> tuple[int, dict[str, dict[str, str]]]:
     return code or 0, {each["subject"]: each for each in found}
 
 
-@pytest.mark.realtime
 def test_without_files_what_is_plugged_in_is_looked_at(plugged: Plugged) -> None:
     plugged.imu(4)
     plugged.camera()
@@ -60,7 +59,6 @@ def test_without_files_what_is_plugged_in_is_looked_at(plugged: Plugged) -> None
     assert found["IMU stream"]["verdict"] == found["left eye"]["verdict"] == "fine"
 
 
-@pytest.mark.realtime
 def test_a_nominal_unit_is_not_fit_to_be_worn_and_a_calibrated_one_is(plugged: Plugged) -> None:
     plugged.imu(4)
     plugged.camera()

@@ -24,8 +24,6 @@ from sim_rig.unit import draw_unit
 from tests.bench.quiet_devices import GreyCamera, QuietImu
 from tests.bench.zenoh_peer import client, free_endpoint
 
-pytestmark = pytest.mark.realtime
-
 
 class Unit:
     """A running service on fakes of devices, with real outlets, its files in `folder`."""

@@ -8,7 +8,7 @@ from daemon.pipeline import Pipeline
 from lab.faults import deformed_view
 from lab.faults.criteria import errors_of
 from lab.faults.faulty_camera import ImageChange
-from messages import GroundPlane, Health, Input, Reason, Status, StereoFrame
+from messages import Estimate, GroundPlane, Health, Input, Reason, Status, StereoFrame, Terrain
 from perception.ground.foothold import FootholdSettings
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
@@ -27,23 +27,28 @@ def inputs(wearer: SimulatedWearer) -> list[Input]:
     return list(wearer.offline_inputs(4.0))
 
 
-def walked(
-    wearer: SimulatedWearer, inputs: list[Input], change: ImageChange | None
-) -> tuple[list[GroundPlane], list[Health]]:
-    """Return the grounds from the onset on, and the healths."""
+@pytest.fixture(scope="module", params=[(1.0, True), (3.0, False)], ids=["1 px, left", "3 px, right"])
+def behind_a_drop(wearer: SimulatedWearer, inputs: list[Input], request: pytest.FixtureRequest) -> list[Estimate]:
+    """What is told of the walk with a drop on one lens that moves the picture by so much."""
+    most_px, left = request.param
+    drop = deformed_view.drop(np.random.default_rng(5)).of_size(most_px)
+    return walked(wearer, inputs, deformed_view.warped(drop, left=left))
+
+
+def walked(wearer: SimulatedWearer, inputs: list[Input], change: ImageChange | None) -> list[Estimate]:
+    """Return what is told of the walk whose pictures are changed from the onset on."""
     pipeline = Pipeline(wearer.calibration, FootholdSettings())
-    grounds: list[GroundPlane] = []
-    healths: list[Health] = []
+    told: list[Estimate] = []
     for message in inputs:
         if change is not None and isinstance(message, StereoFrame) and message.header.t_exposure_ns >= ONSET_NS:
             left, right = change((message.left, message.right))
             message = msgspec.structs.replace(message, left=left, right=right)
-        for told in pipeline.step(message):
-            if isinstance(told, GroundPlane) and told.t_exposure_ns >= ONSET_NS:
-                grounds.append(told)
-            elif isinstance(told, Health):
-                healths.append(told)
-    return grounds, healths
+        told += pipeline.step(message)
+    return told
+
+
+def since_onset(told: list[Estimate]) -> list[GroundPlane]:
+    return [each for each in told if isinstance(each, GroundPlane) and each.t_exposure_ns >= ONSET_NS]
 
 
 def wrong(grounds: list[GroundPlane], wearer: SimulatedWearer) -> int:
@@ -52,28 +57,35 @@ def wrong(grounds: list[GroundPlane], wearer: SimulatedWearer) -> int:
 
 
 def test_a_sound_view_is_valid_throughout(wearer: SimulatedWearer, inputs: list[Input]) -> None:
-    grounds, _ = walked(wearer, inputs, None)
+    grounds = since_onset(walked(wearer, inputs, None))
+    assert len(grounds) > 20
     assert all(ground.status is Status.VALID for ground in grounds)
 
 
-@pytest.mark.parametrize(("most_px", "left"), [(1.0, True), (3.0, False)])
 def test_a_drop_on_the_lens_is_noticed_before_a_wrong_plane_is_valid(
-    wearer: SimulatedWearer, inputs: list[Input], most_px: float, left: bool
+    wearer: SimulatedWearer, behind_a_drop: list[Estimate]
 ) -> None:
-    drop = deformed_view.drop(np.random.default_rng(5)).of_size(most_px)
-    grounds, healths = walked(wearer, inputs, deformed_view.warped(drop, left=left))
+    grounds = since_onset(behind_a_drop)
     assert wrong(grounds, wearer) == 0
     reasons = [ground.reason for ground in grounds]
     assert Reason.VIEW_DEFORMED in reasons[:12]
     assert reasons[-1] is Reason.VIEW_DEFORMED
-    assert healths[-1].refused[Reason.VIEW_DEFORMED] > 0
+    health = [each for each in behind_a_drop if isinstance(each, Health)][-1]
+    assert health.refused[Reason.VIEW_DEFORMED] > 0
+
+
+def test_no_terrain_of_a_deformed_view_is_valid(behind_a_drop: list[Estimate]) -> None:
+    deformed_ns = {each.t_exposure_ns for each in since_onset(behind_a_drop) if each.reason is Reason.VIEW_DEFORMED}
+    terrains = [each for each in behind_a_drop if isinstance(each, Terrain) and each.t_exposure_ns in deformed_ns]
+    assert len(terrains) > 3
+    assert {(each.status, each.reason) for each in terrains} == {(Status.INVALID, Reason.VIEW_DEFORMED)}
 
 
 @pytest.mark.parametrize("turn", ["mirrored", "upside_down", "turned_round"])
 def test_pictures_that_turn_over_in_mid_walk_are_never_valid(
     wearer: SimulatedWearer, inputs: list[Input], turn: str
 ) -> None:
-    grounds, _ = walked(wearer, inputs, getattr(deformed_view, turn))
+    grounds = since_onset(walked(wearer, inputs, getattr(deformed_view, turn)))
     assert not any(ground.status is Status.VALID for ground in grounds[1:])
 
 

@@ -40,8 +40,6 @@ from tests.bench.can_samples import (
 )
 from tests.bench.zenoh_peer import arrival, client, free_endpoint
 
-pytestmark = pytest.mark.realtime
-
 
 class Configuration(msgspec.Struct, frozen=True):
     rate_hz: float = 20.0
@@ -171,6 +169,7 @@ def next_seq(made: ZenohPublisher, subscriber: "zenoh.Subscriber[zenoh.Handler[z
     return int(json.loads(sample.payload.to_bytes())["seq"])
 
 
+@pytest.mark.realtime
 def test_a_subscriber_that_stood_still_is_not_told_of_all_it_missed(live: ZenohPublisher, endpoint: str) -> None:
     with client(endpoint) as session, session.declare_subscriber("gaiteyes/unit-1/ground/v2") as subscriber:
         arrival(subscriber, lambda: live.publish(ground(), stamp()))
@@ -258,6 +257,7 @@ def test_an_adversary_neither_answers_queries_nor_seems_present(live: ZenohPubli
         queryable.undeclare()
 
 
+@pytest.mark.realtime
 def test_queries_that_are_none_and_too_many_are_counted_and_not_answered(live: ZenohPublisher, endpoint: str) -> None:
     key = "gaiteyes/unit-1/schema"
     with client(endpoint) as session:

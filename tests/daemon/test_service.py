@@ -38,8 +38,6 @@ from perception.ground.foothold import FootholdSettings
 from sim_rig.unit import draw_unit
 from tests.bench.quiet_devices import GreyCamera, QuietImu
 
-pytestmark = pytest.mark.realtime
-
 
 class Listener:
     """A publisher that keeps what it is given."""
@@ -308,6 +306,7 @@ def test_a_thread_that_hangs_starves_the_watchdog_and_is_given_up(
     assert rig.listener.closed is (where in ("imu", "camera"))
 
 
+@pytest.mark.realtime
 def test_after_a_standstill_nothing_old_is_published_as_valid(rig: Rig, calibration: Calibration) -> None:
     standstill_s = 1.0
 

@@ -1,7 +1,6 @@
 """What a recording cannot tell apart is declared, with the experiment that could, and not guessed."""
 
 import random
-import subprocess
 import tempfile
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from lab.hidden.case import Case, Kind
 from tests.bench.hidden_cases import (
     LOOK_ALIKE_CASES,
     LOOK_ALIKE_RATE,
+    ExplainError,
     Judged,
     described,
     drawn_seed,
@@ -39,8 +39,8 @@ def judged_without_temperature(case: Case) -> Judged:
             file.write_text("\n".join(rows) + "\n", encoding="utf-8")
         try:
             verdict = explained("imu", folder)
-        except subprocess.CalledProcessError as error:
-            return Judged(case, False, f"FAILED: {described(case)}", str(error.stderr))
+        except ExplainError as error:
+            return Judged(case, False, f"FAILED: {described(case)}", str(error))
     names = {name for cause in verdict.causes[:1] for name in (cause.name, *cause.equivalents)}
     experiment = verdict.next_experiment or ""
     right = names >= {"gyro_bias_drift", "temperature"} and "temperature" in experiment

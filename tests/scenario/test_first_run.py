@@ -93,7 +93,6 @@ def recorded(path: Path, seconds: float, legs: tuple[Any, ...]) -> Path:
 
 
 @pytest.mark.long
-@pytest.mark.realtime
 def test_six_commands_lead_to_a_unit_that_is_fit(unit: Unit, monkeypatch: pytest.MonkeyPatch) -> None:
     commands = commands_of_the_readme()
     assert [words[: 1 + (words[0] == "calibrate")] for words in commands] == [

@@ -21,8 +21,6 @@ from messages import Calibration, Source, UserError
 from sim_rig.unit import draw_unit
 from tests.bench.quiet_devices import GreyCamera, QuietImu
 
-pytestmark = pytest.mark.realtime
-
 PATIENCE_S = 30.0
 _DEFAULT = ViewSettings()
 

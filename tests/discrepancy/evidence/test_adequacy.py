@@ -73,6 +73,7 @@ def test_chance_of_noise_is_uniform(kind: str) -> None:
         assert least <= reached <= most, f"seed {_SEED}: {reached} of {_DRAWS} chances are at most {level}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["white", "slow and growing"])
 def test_noise_alone_is_adequate(kind: str) -> None:
     # Once in a hundred recordings something follows from the inputs by chance, once in a thousand there is a line.
@@ -104,6 +105,7 @@ def test_noise_as_declared_is_louder_once_in_a_thousand_recordings_however_slow(
     assert np.sum(levels > LEVEL) > 0.02 * draws  # by chance: a plain comparison would refuse these
 
 
+@pytest.mark.long
 def test_noise_that_grows_with_the_input_is_told_from_steady_noise() -> None:
     steady = np.array([each.heteroscedasticity[0] for each in noises("white")])
     growing = np.array([each.heteroscedasticity[0] for each in noises("slow and growing")])

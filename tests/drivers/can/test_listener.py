@@ -15,7 +15,7 @@ from sim_rig.can.slcan_hub import SlcanHub
 from tests.bench.can_samples import ground, stamp
 from tests.bench.slcan_hub import served_hub
 
-pytestmark = [pytest.mark.realtime, pytest.mark.long]
+pytestmark = pytest.mark.long
 
 PATIENCE_S = 20.0
 
