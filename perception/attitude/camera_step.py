@@ -83,7 +83,7 @@ def measure_step(
         if state.ground.moves:  # an error correlated over τ counts as white noise of the density 2 σ² τ
             noise[:3, :3] += np.eye(3) * 2.0 * settings.lean_radps**2 * settings.lean_time_s * step.duration_s
         fuse(state, H, innovation, noise)
-        _follow_odometer_scale(state, step, settings)
+        follow_odometer_scale(state, step, settings)
         judge_distances(kalman, state)
         state.without_camera_s = state.unwatched_s = 0.0
     follow_ground(kalman, state, step.duration_s)
@@ -141,7 +141,7 @@ def _robust(noise: FloatArray, by_part: tuple[float, float], settings: CameraSte
     return larger
 
 
-def _follow_odometer_scale(state: AttitudeState, step: CameraStep, settings: CameraStepSettings) -> None:
+def follow_odometer_scale(state: AttitudeState, step: CameraStep, settings: CameraStepSettings) -> None:
     """Bring up to date what the odometer's own scale may err by: each step counts by its travel over its noise, as it
     does for the scale of distances; none while the ground moves."""
     if state.ground.moves:

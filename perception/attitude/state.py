@@ -30,7 +30,7 @@ class CameraStepSettings:
     odometer_scale: float = 0.0008
     odometer_noise_mps: float = 0.006
     # Beyond so many standard deviations of calibration and odometer together distances are wrong, until within so many
-    # again. The fewer, the sooner an error is told that is some of the calibration's; of sound units 1 in 150 is beyond.
+    # again. The fewer, the smaller the errors that are told; of units that are sound one in 150 is beyond.
     wrong_scale_sigmas: float = 2.7
     right_scale_sigmas: float = 2.0
     # What samples lose of an acceleration, as a part of its second derivative: to the accelerometer's filter, two poles

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from messages import Status
+from perception.attitude.camera_step import CameraStep, follow_odometer_scale
+from perception.attitude.filter import AttitudeSettings
+from perception.attitude.kalman import AttitudeKalman
 from perception.attitude.track import AttitudeTrack
 from perception.motion.ego_motion import EgoMotion
+from perception.vec3 import ZERO
 from tests.bench.attitude_batch import solve
 from tests.bench.seen_motion import WALKING_NS, SampleAt, arrivals_until, gait, seen
 from tests.bench.told_track import CALIBRATION, camera_step, follow, measured
@@ -62,6 +66,20 @@ def test_what_samples_lose_of_a_bob_is_no_scale_of_distances() -> None:
     found = track.sensor_errors
     assert found is not None
     assert abs(found.scale) < 0.0008
+
+
+def test_an_odometer_errs_by_more_in_all_where_it_states_more_noise() -> None:
+    kalman = AttitudeKalman(AttitudeSettings(), CALIBRATION.residual)
+    state, settings = kalman.new_state(), kalman.settings.camera
+    step = CameraStep(
+        0, 50_000_000, ZERO, (0.06, 0.0, 0.0), np.eye(6) * (0.05 * settings.odometer_noise_mps) ** 2, ZERO
+    )
+    follow_odometer_scale(state, step, settings)
+    assert state.odometer_scale == pytest.approx(settings.odometer_scale)
+    follow_odometer_scale(state, replace(step, covariance=9.0 * step.covariance), settings)
+    assert state.odometer_scale == pytest.approx((1.0 + 3.0 / 9.0) / (1.0 + 1.0 / 9.0) * settings.odometer_scale)
+    follow_odometer_scale(state, replace(step, travel_B=ZERO, covariance=900.0 * step.covariance), settings)
+    assert state.odometer_scale == pytest.approx(1.2 * settings.odometer_scale)
 
 
 def test_a_start_is_no_tilt_where_the_camera_sees_it() -> None:
