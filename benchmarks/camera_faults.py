@@ -3,10 +3,12 @@
     python -m benchmarks.camera_faults [--units 20] [--first-seed 1000] [--rows slip,toe-in] [--json FILE]
 
 Units and gaits are those of `benchmarks.visual_inertial`, the odometer's noise is what `benchmarks.odometry` measures.
-A slip turns the camera about a random axis after 10 s; wrong distances are too long by one share from the start on,
-that of the toe-in 1.2 m from the camera. Found is the first reason that an attitude track gives not to use camera and
-IMU together, after the fault began; before it, and in the row without a fault, it is a false alarm. Height left is the
-error of 0.9 m after the correction where nothing is flagged.
+A slip turns the camera about a random axis after 10 s; wrong distances are too long on units of odd seeds, too short on
+the others, by one share from the start on, that of the toe-in 1.2 m from the camera. Found is the first reason that an
+attitude track gives not to use camera and IMU together, after the fault began; before it, and in the row without a
+fault, it is a false alarm. Height left is the error of 0.9 m after the correction where nothing is flagged; corrected
+are the units on which that is 5 mm at most: where the calibration's own error makes up for most of the fault, the two
+together are within what the calibration leaves.
 """
 
 from collections.abc import Iterator
@@ -19,19 +21,20 @@ from rich.table import Table
 
 from benchmarks.told_walks import START_NS, asked, by_row, pace_of, walking_on
 from cli.console import write_json
-from lab.evaluation.told_steps import OdometerNoise, ToldStep, attitudes, told_steps
+from lab.evaluation.told_steps import OdometerNoise, ToldStep, attitudes, depth_error, told_steps
 from messages import Reason, vec3
+from messages.arrays import rms
 from perception import so3
 from perception.attitude.track import AttitudeTrack
 from sim_rig.wearer import SimulatedWearer
 
 _SLIP_AT_S = 10.0
-_HEIGHT_MM = 900.0
+_HEIGHT_MM, _MOST_LEFT_MM = 900.0, 5.0
 
 
 @dataclass(frozen=True)
 class Row:
-    """A fault: the camera turns by `slip_rad`, or distances are `scale` too long; `within_s` is the goal."""
+    """A fault: the camera turns by `slip_rad`, or distances are wrong by `scale`; `within_s` is the goal."""
 
     name: str
     seconds: float
@@ -51,7 +54,7 @@ ROWS = (
 
 class Found(msgspec.Struct, frozen=True, kw_only=True):
     """Of one unit: seconds from the fault to the first reason, None for none; the reason; a reason before the fault;
-    and the share by which distances are wrong after the correction."""
+    and the share by which distances are wrong after the correction, what the calibration leaves included."""
 
     after_s: float | None
     reason: str
@@ -75,11 +78,12 @@ def of_one_unit(task: tuple[int, int, OdometerNoise]) -> Found:
     """Return what is found on one unit of one row."""
     index, seed, noise = task
     row, chance = ROWS[index], np.random.default_rng([seed, 16])
+    row = replace(row, scale=row.scale if seed % 2 else -row.scale)
     wearer = SimulatedWearer(seed, walking_on(pace_of(chance)), START_NS)
     track = AttitudeTrack(wearer.calibration)
     steps = faulty(told_steps(wearer, row.seconds, noise, seed), row, chance)
     fault_ns = START_NS + round(1e9 * (_SLIP_AT_S if row.slip_rad > 0.0 else 0.0))
-    fault_ns = fault_ns if row.slip_rad > 0.0 or row.scale > 0.0 else 2**62
+    fault_ns = fault_ns if row.slip_rad > 0.0 or row.scale != 0.0 else 2**62
     false_alarm = False
     for attitude in attitudes(track, wearer.offline_samples(row.seconds), steps):
         reason = track.contradiction
@@ -87,7 +91,8 @@ def of_one_unit(task: tuple[int, int, OdometerNoise]) -> Found:
             after_s = 1e-9 * (attitude.t_sample_ns - fault_ns)
             return Found(after_s=after_s, reason=reason.value, false_alarm=false_alarm, scale_left=np.nan)
         false_alarm = false_alarm or reason is not Reason.NONE
-    left = (1.0 + row.scale) / (1.0 + track.distance_scale) - 1.0
+    too_long = (1.0 + row.scale) * (1.0 + depth_error(wearer.unit, wearer.calibration))
+    left = too_long / (1.0 + track.distance_scale) - 1.0
     return Found(after_s=None, reason="", false_alarm=false_alarm, scale_left=left)
 
 
@@ -95,22 +100,23 @@ def main() -> None:
     names = [row.name for row in ROWS]
     options = asked(__doc__, names, units=20, velocity_noise_mmps=6.0, rate_noise_degps=0.25)
     found = {ROWS[k]: list(units.values()) for k, units in by_row(of_one_unit, options).items()}
-    table = Table("fault", "in time", "median s", "worst s", "reasons", "false alarms", "height left, RMS mm", "hours")
+    columns = ("in time", "median s", "worst s", "reasons", "corrected", "height left, RMS mm", "false alarms", "hours")
+    table = Table("fault", *columns)
     for row, units in found.items():
         times_s = [unit.after_s for unit in units if unit.after_s is not None]
-        left = np.array([unit.scale_left for unit in units])
-        left_mm = _HEIGHT_MM * np.sqrt(np.nanmean(left**2)) if np.isfinite(left).any() else np.nan
+        left_mm = _HEIGHT_MM * np.array([unit.scale_left for unit in units if unit.after_s is None])
         table.add_row(
             row.name,
             f"{sum(t <= row.within_s for t in times_s)} of {len(units)} in {row.within_s:g} s",
             f"{np.median(times_s):.1f}" if times_s else "",
             f"{max(times_s):.1f}" if times_s else "",
             ", ".join(sorted({unit.reason for unit in units if unit.reason})),
+            str(np.count_nonzero(np.abs(left_mm) <= _MOST_LEFT_MM)),
+            f"{rms(left_mm):.1f}" if len(left_mm) else "",
             str(sum(unit.false_alarm for unit in units)),
-            f"{left_mm:.1f}",
             f"{len(units) * row.seconds / 3600.0:.2f}",
         )
-    Console().print(table)
+    Console(width=150).print(table)
     if options.json is not None:
         write_json(options.json, {row.name: units for row, units in found.items()})
 

@@ -65,7 +65,7 @@ class Trial:
 
     @property
     def scale(self) -> float:
-        """Return by how much distances are too long with the calibration that is given: that of its toe-in."""
+        """Return by how much distances are too long with the calibration that is given."""
         return depth_error(self.wearer.unit, self.given)
 
     def _pass(self, calibration: Calibration) -> Found:

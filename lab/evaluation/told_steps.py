@@ -102,7 +102,9 @@ def attitudes(track: AttitudeTrack, samples: Iterable[ImuSample], steps: Iterato
 
 
 def depth_error(unit: Unit, calibration: Calibration) -> float:
-    """Return the relative error of distances: of the toe-in that the calibration leaves, δZ/Z = δ Z/B."""
-    R_true: FloatArray = np.array(unit.stereo.X_RL.R)
-    toe_in_rad = Rotation.from_matrix(np.array(calibration.stereo.X_RL.R) @ R_true.T).as_rotvec()[1]
-    return float(toe_in_rad) * _CORNERS_Z_M / abs(calibration.stereo.X_RL.p_m[0])
+    """Return the relative error of distances: of toe-in and baseline as the calibration leaves them,
+    δZ/Z = δ Z/B + δB/B."""
+    known, true = calibration.stereo.X_RL, unit.stereo.X_RL
+    toe_in_rad = Rotation.from_matrix(np.array(known.R) @ np.array(true.R).T).as_rotvec()[1]
+    baseline_m, true_m = (float(np.linalg.norm(X_RL.p_m)) for X_RL in (known, true))
+    return float(toe_in_rad) * _CORNERS_Z_M / baseline_m + baseline_m / true_m - 1.0

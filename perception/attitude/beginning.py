@@ -23,7 +23,7 @@ from perception.attitude.error_state import (
     TRAVEL,
     VELOCITY,
 )
-from perception.attitude.kalman import RATE_IS_ZERO, AttitudeKalman, fuse, specific_force_W
+from perception.attitude.kalman import RATE_IS_ZERO, AttitudeKalman, fuse, scale_var, specific_force_W
 from perception.attitude.state import AttitudeState, GroundMotion, Sample, Step
 
 
@@ -31,8 +31,10 @@ def after_gap(kalman: AttitudeKalman, state: AttitudeState, gap_s: float) -> Att
     """Return the state before the first sample after `gap_s` without: of the motion nothing is left, of the
     sensors' errors and the usual mounting all."""
     settings = kalman.settings
+    P = state.covariance + np.diag(kalman.walk_density * gap_s)
+    P[SCALE, SCALE] = scale_var(state)
     return AttitudeState(
-        state.covariance + np.diag(kalman.walk_density * gap_s),
+        P,
         usual_step_s=state.usual_step_s,
         first_degC=state.first_degC,
         most_warming_K=state.most_warming_K,
@@ -42,6 +44,9 @@ def after_gap(kalman: AttitudeKalman, state: AttitudeState, gap_s: float) -> Att
         gyro_matrix=state.gyro_matrix,
         without_camera_s=max(state.without_camera_s + gap_s, settings.camera.fresh_s),
         scale=state.scale,
+        odometer_scale=state.odometer_scale,
+        scale_weight=state.scale_weight,
+        distances_are_wrong=state.distances_are_wrong,
         mount_B=state.mount_B,
         lag_s=state.lag_s,
         reason_uncertain=state.reason_uncertain,
@@ -95,8 +100,6 @@ def doubt_gyro(kalman: AttitudeKalman, state: AttitudeState, missing_rad: FloatA
     short of its turns by `missing_rad` (3,) in W."""
     P, settings = state.covariance, kalman.settings
     tilt_var = min(kalman.unwatched_tilt_var(state), settings.moving_start_tilt_rad**2)
-    if state.ground.moves:
-        P[SCALE, SCALE] = state.ground.frozen_scale_var
     _forget_motion(state, settings.moving_start_speed_mps)
     _walk_at_some_pace(kalman, state)
     missing_tilt_rad = missing_rad * (1.0, 1.0, 0.0)
@@ -133,8 +136,9 @@ def _forget_motion(state: AttitudeState, speed_mps: float) -> None:
     state.pace_unknown_s = state.unwatched_s = 0.0
     state.step = Step()
     state.travel_W, state.q_WB_beginning = vec3.ZERO, None
-    state.ground = GroundMotion()
     P = state.covariance
+    P[SCALE, SCALE] = scale_var(state)
+    state.ground = GroundMotion()
     for motion in (VELOCITY, DRIFT, TRAVEL, BEGINNING, GROUND, GROUND_TURN):
         P[motion, :] = P[:, motion] = 0.0
     P[VELOCITY, VELOCITY] = P[DRIFT, DRIFT] = np.eye(3) * speed_mps**2

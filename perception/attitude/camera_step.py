@@ -2,10 +2,10 @@
 
 Over a step from 0 to 1, T long, the odometer saw the camera turn by φ and travel by d, both in B₀. With p the
 displacement of B since 0, l where in B the camera is, q = p + R₁ l, s the error of the scale of its distances, m the
-small turn of the camera on its mount, ρ the rate at which the ground turns about the vertical and λ how much later than
-stamped the pictures are, in W:
+small turn of the camera on its mount, ρ the rate at which the ground turns about the vertical, λ how much later than
+stamped the pictures are and κ what samples lose of an acceleration a, by κ ä, in W:
 
-    R₀ (1 + [m]×) d = (1 + s)(q − R₀ l) + λ (v₁ − v₀) + n_d,
+    R₀ (1 + [m]×) d = (1 + s)(q − R₀ l − κ (a₁ − a₀)) + λ (v₁ − v₀) + n_d,
     R₀ exp(φ + m × φ) R₀ᵀ = exp(−ρ T e_z) R₁ R₀ᵀ exp(λ (ω₁ − ω₀) + n_φ)                                        (5)
 
 With invariant errors θ₀, θ₁ of both attitudes and δp, the innovations depend on them by
@@ -24,7 +24,7 @@ from messages import vec3 as to_vec3
 from messages.arrays import FloatArray
 from perception import so3, vec3
 from perception.attitude.agreement import Innovation
-from perception.attitude.causes import follow_ground, look_for_causes, squares, squares_by_part
+from perception.attitude.causes import follow_ground, judge_distances, look_for_causes, squares, squares_by_part
 from perception.attitude.error_state import BEGINNING, GROUND_TURN, LAG, MOUNT, ROTATION, SCALE, SIZE, TRAVEL
 from perception.attitude.kalman import AttitudeKalman, fuse
 from perception.attitude.state import AttitudeState, CameraStepSettings
@@ -52,7 +52,7 @@ def begin_step(kalman: AttitudeKalman, state: AttitudeState) -> None:
     """Let a step of the camera begin at the newest sample: p = 0, and the attitude of now, with its error, is R₀."""
     kalman.correct(state)
     state.travel_W, state.q_WB_beginning = vec3.ZERO, state.q_WB
-    state.v_W_beginning, state.w_W_beginning = state.v_W, _rate_W(kalman, state)
+    state.v_W_beginning, state.w_W_beginning, state.sf_W_beginning = state.v_W, _rate_W(kalman, state), state.sf_W
     P = state.covariance
     P[TRAVEL, :] = P[:, TRAVEL] = 0.0
     P[BEGINNING, :] = P[ROTATION, :]
@@ -83,6 +83,8 @@ def measure_step(
         if state.ground.moves:  # an error correlated over τ counts as white noise of the density 2 σ² τ
             noise[:3, :3] += np.eye(3) * 2.0 * settings.lean_radps**2 * settings.lean_time_s * step.duration_s
         fuse(state, H, innovation, noise)
+        follow_odometer_scale(state, step, settings)
+        judge_distances(kalman, state)
         state.without_camera_s = state.unwatched_s = 0.0
     follow_ground(kalman, state, step.duration_s)
     turned_W = so3.transform(so3.rows_from_quaternion(state.q_WB), step.turn_B)
@@ -104,7 +106,9 @@ def _measured(
     turn_B, travel_B = (_turned(seen, state.mount_B) for seen in (step.turn_B, step.travel_B))
     lever_0_W, lever_1_W = R0 @ step.p_BC_m, R1 @ step.p_BC_m
     q = np.array(state.travel_W) + lever_1_W
-    travel_W = q - lever_0_W
+    settings = kalman.settings.camera
+    lost_W = settings.sf_lost_s2 * np.array(vec3.minus(state.sf_W, state.sf_W_beginning))
+    travel_W = q - lever_0_W - lost_W
     H = _CONSTANT_H.copy()
     H[2, GROUND_TURN] = -step.duration_s
     H[:3, MOUNT] = R0 @ so3.skew(turn_B)
@@ -117,8 +121,7 @@ def _measured(
     seen_W = ground_turned @ R0 @ so3.exp(turn_B) @ R1.T
     innovation = np.concatenate((so3.log(seen_W), R0 @ travel_B - (1.0 + state.scale) * travel_W))
     innovation -= state.lag_s * by_lag
-    noise_factor = kalman.settings.camera.noise_factor
-    return H, innovation, noise_factor**2 * so3.pair_covariance_turned(R0, step.covariance)
+    return H, innovation, settings.noise_factor**2 * so3.pair_covariance_turned(R0, step.covariance)
 
 
 def _by_lag(kalman: AttitudeKalman, state: AttitudeState, lever_0_W: Vec3, lever_1_W: Vec3) -> FloatArray:
@@ -136,6 +139,19 @@ def _robust(noise: FloatArray, by_part: tuple[float, float], settings: CameraSte
     by = np.array((turn, turn, turn, travel, travel, travel))
     larger: FloatArray = by[:, None] * noise * by
     return larger
+
+
+def follow_odometer_scale(state: AttitudeState, step: CameraStep, settings: CameraStepSettings) -> None:
+    """Bring up to date what the odometer's own scale may err by: each step counts by its travel over its noise, as it
+    does for the scale of distances; none while the ground moves."""
+    if state.ground.moves:
+        return
+    noise_var_m2 = float(np.trace(step.covariance[3:, 3:])) / 3.0
+    may_err = settings.odometer_scale * math.sqrt(noise_var_m2) / (settings.odometer_noise_mps * step.duration_s)
+    weight = vec3.square(step.travel_B) / noise_var_m2
+    state.scale_weight += weight
+    if weight > 0.0:
+        state.odometer_scale += weight / state.scale_weight * (may_err - state.odometer_scale)
 
 
 def _turned(vector_B: Vec3, mount_B: Vec3) -> FloatArray:

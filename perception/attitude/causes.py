@@ -29,7 +29,7 @@ from perception.attitude.error_state import (
     SF_BIAS,
     VELOCITY,
 )
-from perception.attitude.kalman import AttitudeKalman, fuse, ground_var
+from perception.attitude.kalman import AttitudeKalman, fuse, ground_var, scale_var
 from perception.attitude.state import AttitudeState, CameraStepSettings, Contradiction, Contradictions, GroundMotion
 
 
@@ -195,7 +195,7 @@ def _rest_ground(kalman: AttitudeKalman, state: AttitudeState, bias_mps2: float,
     state.covariance = P + possible @ possible.T
     at_rest = np.eye(len(P))[GROUND]
     fuse(state, at_rest, -np.array(ground.acceleration_W), settings.camera.ground_rest_mps2**2 * np.eye(3))
-    state.covariance[SCALE, SCALE] = ground.frozen_scale_var
+    state.covariance[SCALE, SCALE] = scale_var(state)
     for part in (GROUND, GROUND_TURN):
         state.covariance[part, :] = state.covariance[:, part] = 0.0
     state.ground, state.contradictions = GroundMotion(), Contradictions()
@@ -236,9 +236,13 @@ def has_slipped(kalman: AttitudeKalman, state: AttitudeState) -> bool:
     return turned_rad > settings.most_slip_rad + _FAR_SIGMAS * math.hypot(kalman.mount_rad, deviation_rad)
 
 
-def distances_are_plausible(kalman: AttitudeKalman, state: AttitudeState) -> bool:
-    """Return whether the scale of the camera's distances may be what the calibration leaves."""
-    return abs(state.scale) <= _FAR_SIGMAS * (kalman.calibrated_scale + _scale_deviation(kalman, state))
+def judge_distances(kalman: AttitudeKalman, state: AttitudeState) -> None:
+    """Hold the camera's distances for wrong from where their scale is beyond what the calibration leaves, as well as
+    it is known, until it is well within."""
+    settings = kalman.settings.camera
+    sigmas = settings.right_scale_sigmas if state.distances_are_wrong else settings.wrong_scale_sigmas
+    likely = math.hypot(kalman.calibrated_scale, _scale_deviation(kalman, state))
+    state.distances_are_wrong = abs(state.scale) > sigmas * likely
 
 
 def distance_scale(kalman: AttitudeKalman, state: AttitudeState) -> float:
@@ -249,7 +253,7 @@ def distance_scale(kalman: AttitudeKalman, state: AttitudeState) -> float:
 
 
 def _scale_deviation(kalman: AttitudeKalman, state: AttitudeState) -> float:
-    return math.hypot(math.sqrt(float(state.covariance[SCALE, SCALE][0, 0])), kalman.least_scale)
+    return math.hypot(math.sqrt(scale_var(state)), kalman.sf_scale, state.odometer_scale)
 
 
 _FAR_SIGMAS = 3.0

@@ -14,12 +14,7 @@ from perception.attitude import beginning
 from perception.attitude.accelerometer import follow_temperature
 from perception.attitude.agreement import Innovation
 from perception.attitude.camera_step import CameraStep, begin_step, measure_step
-from perception.attitude.causes import (
-    distance_scale,
-    distances_are_plausible,
-    ground_is_plausible,
-    has_slipped,
-)
+from perception.attitude.causes import distance_scale, ground_is_plausible, has_slipped
 from perception.attitude.foretold import MotionForetold, foretold
 from perception.attitude.kalman import AttitudeKalman
 from perception.attitude.movement import movement_covariance, unseen_travel
@@ -118,7 +113,7 @@ class AttitudeFilter:
     @property
     def distances_are_plausible(self) -> bool:
         """Return whether that share may be what the calibration leaves."""
-        return distances_are_plausible(self._kalman, self._state)
+        return not self._state.distances_are_wrong
 
     @property
     def ground_is_plausible(self) -> bool:

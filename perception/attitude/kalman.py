@@ -79,8 +79,8 @@ class AttitudeKalman:
         self._initial_var[SF_BIAS] = self._sf_bias_mps2**2
         self._initial_var[GYRO_MATRIX] = residual.scale**2
         toe_in = settings.camera.range_per_baseline * residual.toe_in_rad
-        self.least_scale = math.hypot(residual.scale, settings.camera.odometer_scale)
-        self.calibrated_scale = math.hypot(toe_in, residual.scale, residual.baseline_std)
+        self.sf_scale = residual.scale
+        self.calibrated_scale = math.hypot(toe_in, residual.baseline_std)
         self._initial_var[SCALE] = settings.camera.scale**2 + toe_in**2 + residual.baseline_std**2
         self.mount_rad = math.hypot(settings.camera.mount_rad, residual.camera_to_imu_rad)
         self._initial_var[MOUNT] = self.mount_rad**2
@@ -110,7 +110,7 @@ class AttitudeKalman:
         """Return what the sensors' errors are taken for, with their variances."""
         variances: list[float] = np.diag(state.covariance).tolist()
         gyro_var, sf_var = _vec3(variances, GYRO_BIAS), _vec3(variances, SF_BIAS)
-        return SensorErrors(state.gyro_bias, gyro_var, state.sf_bias, sf_var, state.scale, variances[SCALE.start])
+        return SensorErrors(state.gyro_bias, gyro_var, state.sf_bias, sf_var, state.scale, scale_var(state))
 
     def mounting_errors(self, state: AttitudeState) -> MountingErrors:
         """Return what is known of the camera's place in B and of its clock."""
@@ -308,6 +308,11 @@ class AttitudeKalman:
         state.smooth_swing_W = smoothed
         state.mean_square_swing += dt_s / (dt_s + settings.swing_average_s) * (square - state.mean_square_swing)
         return settings.swing_floor_mps_rts**2 + settings.swing_time_s * max(state.mean_square_swing, square)
+
+
+def scale_var(state: AttitudeState) -> float:
+    """Return the variance of the scale of distances; while the ground moves, that from before."""
+    return state.ground.frozen_scale_var if state.ground.moves else float(state.covariance[SCALE, SCALE][0, 0])
 
 
 def ground_var(usual_square: float) -> FloatArray:

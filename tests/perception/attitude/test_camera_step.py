@@ -1,13 +1,19 @@
 """Steps of the camera in the filter: as good as all of them at once."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from messages import Status
+from perception.attitude.camera_step import CameraStep, follow_odometer_scale
+from perception.attitude.filter import AttitudeSettings
+from perception.attitude.kalman import AttitudeKalman
 from perception.attitude.track import AttitudeTrack
 from perception.motion.ego_motion import EgoMotion
+from perception.vec3 import ZERO
 from tests.bench.attitude_batch import solve
-from tests.bench.seen_motion import WALKING_NS, SampleAt, arrivals_until, gait
+from tests.bench.seen_motion import WALKING_NS, SampleAt, arrivals_until, gait, seen
 from tests.bench.told_track import CALIBRATION, camera_step, follow, measured
 
 S = 1_000_000_000
@@ -45,6 +51,35 @@ def test_the_filter_agrees_with_a_batch_over_the_same_motion(seed: int) -> None:
     assert tilt_deg(batch.R_WB[-1], truth) < 0.4
     assert tilt_deg(filtered.R_WB, truth) < 0.4
     assert tilt_deg(filtered.R_WB, batch.R_WB[-1]) < 0.4
+
+
+def test_what_samples_lose_of_a_bob_is_no_scale_of_distances() -> None:
+    """A sample every 10 ms: lines between them cut off 0.2 % of a walker's bob."""
+    walk, track, seq = gait(5), AttitudeTrack(CALIBRATION), 0
+    for each in arrivals_until(WALKING_NS + 6 * S, 5):
+        if isinstance(each, SampleAt):
+            seq += 1
+            track.add_sample(measured(each, seq))
+        else:
+            exact = seen(walk, each.t_before_ns, each.t_after_ns, noise=0.0)
+            track.add_camera_step(camera_step(replace(exact, covariance=0.01 * each.covariance)))
+    found = track.sensor_errors
+    assert found is not None
+    assert abs(found.scale) < 0.0008
+
+
+def test_an_odometer_errs_by_more_in_all_where_it_states_more_noise() -> None:
+    kalman = AttitudeKalman(AttitudeSettings(), CALIBRATION.residual)
+    state, settings = kalman.new_state(), kalman.settings.camera
+    step = CameraStep(
+        0, 50_000_000, ZERO, (0.06, 0.0, 0.0), np.eye(6) * (0.05 * settings.odometer_noise_mps) ** 2, ZERO
+    )
+    follow_odometer_scale(state, step, settings)
+    assert state.odometer_scale == pytest.approx(settings.odometer_scale)
+    follow_odometer_scale(state, replace(step, covariance=9.0 * step.covariance), settings)
+    assert state.odometer_scale == pytest.approx((1.0 + 3.0 / 9.0) / (1.0 + 1.0 / 9.0) * settings.odometer_scale)
+    follow_odometer_scale(state, replace(step, travel_B=ZERO, covariance=900.0 * step.covariance), settings)
+    assert state.odometer_scale == pytest.approx(1.2 * settings.odometer_scale)
 
 
 def test_a_start_is_no_tilt_where_the_camera_sees_it() -> None:

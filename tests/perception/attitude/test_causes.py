@@ -9,11 +9,19 @@ import pytest
 
 from messages import Reason, Residual, vec3
 from perception import so3
-from perception.attitude.causes import follow_ground, has_slipped
-from perception.attitude.error_state import MOUNT
+from perception.attitude.beginning import after_gap
+from perception.attitude.causes import (
+    _doubt_ground,
+    distance_scale,
+    follow_ground,
+    has_slipped,
+    judge_distances,
+)
+from perception.attitude.error_state import MOUNT, SCALE
 from perception.attitude.kalman import AttitudeKalman
 from perception.attitude.state import AttitudeSettings, AttitudeState, GroundMotion
 from perception.motion.ego_motion import EgoMotion
+from sim_rig.unit import RESIDUAL
 from tests.bench.seen_motion import R_BC, WALKING_NS, SampleAt, gait
 from tests.bench.told_track import Alter, Followed, follow
 
@@ -165,6 +173,53 @@ def test_distances_that_are_too_long_are_found_out() -> None:
 
     found, usual = follow(WALKING_NS + 6 * S, longer)[-1], follow(WALKING_NS + 6 * S)[-1]
     assert found.scale > usual.scale + 0.0002
+
+
+def with_scale(scale: float, std: float) -> tuple[AttitudeKalman, AttitudeState]:
+    """Return a filter of a unit as the rig calibrates them that has found this scale of the camera's distances."""
+    kalman = AttitudeKalman(AttitudeSettings(), RESIDUAL)
+    state = kalman.new_state()
+    state.scale = scale
+    state.covariance[SCALE, SCALE] = std**2
+    return kalman, state
+
+
+@pytest.mark.parametrize(
+    ("scale", "std", "wrong"),
+    [(0.0087, 0.0008, True), (-0.0087, 0.0008, True), (0.0045, 0.0008, False), (0.0087, 0.003, False)],
+    ids=["a toe-in off by 0.05 degrees", "the other way", "within what the calibration leaves", "not known yet"],
+)
+def test_distances_are_wrong_beyond_what_the_calibration_leaves(scale: float, std: float, wrong: bool) -> None:
+    kalman, state = with_scale(scale, std)
+    judge_distances(kalman, state)
+    assert state.distances_are_wrong is wrong
+
+
+def test_wrong_distances_stay_wrong_until_their_scale_is_well_within_what_the_calibration_leaves() -> None:
+    kalman, state = with_scale(0.0087, 0.0008)
+    said = []
+    for scale in (0.0087, 0.005, 0.0035, 0.005):
+        state.scale = scale
+        judge_distances(kalman, state)
+        said.append(state.distances_are_wrong)
+    assert said == [True, True, False, False]
+
+
+def test_most_of_a_scale_within_what_the_calibration_leaves_is_corrected_once_it_is_known() -> None:
+    height_m = 0.9
+    assert abs(0.005 - distance_scale(*with_scale(0.005, 0.0008))) * height_m < 0.002
+    assert distance_scale(*with_scale(0.005, 0.004)) < 0.001
+
+
+def test_on_a_ground_that_moves_distances_are_known_as_well_as_before() -> None:
+    kalman, state = with_scale(0.007, 0.003)
+    before = distance_scale(kalman, state)
+    _doubt_ground(state, AttitudeSettings().camera)
+    assert state.covariance[SCALE, SCALE][0, 0] == 0.0
+    judge_distances(kalman, state)
+    assert not state.distances_are_wrong
+    assert distance_scale(kalman, state) == before
+    assert after_gap(kalman, state, 1.0).covariance[SCALE, SCALE][0, 0] == pytest.approx(0.003**2)
 
 
 def test_an_accelerometer_that_drives_as_no_ground_does_is_wrong() -> None:
