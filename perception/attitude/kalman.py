@@ -4,7 +4,7 @@ The gyroscope is integrated on SO(3). What pulls the result to the vertical is t
 the integral of specific force minus gravity cannot run away from the drift of a walk, which turns with the wearer and
 changes slowly. An error-state Kalman filter weighs the two. Every sample counts: a gate on the length of the specific
 force would spoil the mean of the accelerations, which carries the vertical. How closely the velocity keeps to the
-drift follows from its own swing about it, and from rest.
+drift follows from its own swing about it, and from rest; how far it drifts, from how fast it has been of late.
 
 Estimates, and their errors (true = estimate ⊕ error), θ, v and u in W and right-invariant, so that (3) holds in any
 motion:
@@ -266,8 +266,8 @@ class AttitudeKalman:
         state.covariance[_DIAGONAL] += noise
 
     def _drift_var(self, state: AttitudeState, dt_s: float) -> float:
-        """Return the drift's variance, (m/s)² on each axis, from the mean square of the velocity, brought up to date, and
-        from its square now: as large as a walker's where the pace is not known."""
+        """Return the drift's variance, (m/s)² on each axis, from the velocity's mean square, brought up to date, and from
+        its square now: as large as a walker's where the pace is not known."""
         square = min(0.5 * (state.v_W[0] ** 2 + state.v_W[1] ** 2), self._most_drift_var)
         if state.resting or state.pace_unknown_s > 0.0:
             state.mean_square_speed = self._most_drift_var

@@ -103,14 +103,14 @@ class AttitudeSettings:
     sf_bias_walk_mps2_rts: float = 1e-4
     # Scale errors that no constant matrix explains act as noise in proportion to the motion, correlated this long; the
     # gyroscope's also in proportion to how that changes meanwhile.
-    gyro_scale_time_s: float = 0.06
+    gyro_scale_time_s: float = 0.07
     sf_scale_time_s: float = 2.0
     # The velocity swings about a drift, which keeps to the heading: mean 0, correlated so long, on each horizontal axis
     # of the mean square of the velocity; an IMU that only turns or shakes in its place does not drift. The swing's mean
     # over T has the variance (floor² + time · mean square swing) / T, of the swing smoothed, since a fast one has a
     # smaller mean. Both are no less than their present square, for swings and walks begin.
     drift_floor_mps: float = 0.05
-    drift_time_s: float = 45.0
+    drift_time_s: float = 60.0
     drift_average_s: float = 5.0
     drift_limit_mps: float = 3.0
     swing_floor_mps_rts: float = 0.2
@@ -135,8 +135,8 @@ class AttitudeSettings:
     excess_sigmas: float = 3.0
     excess_s: float = 10.0
     # A start from rest, and in motion: from the mean specific force, at some pace, somewhere in its swing. For
-    # `pace_unknown_s`, also after a rest, the pace may change as much as it is unknown, correlated `pace_time_s`: the tilt
-    # does not yet tell a stop from a lean. What is slow of a swing, beyond `pace_swing_time_s`, then counts to the pace.
+    # `pace_unknown_s`, also after a rest, the pace may change as much as it is unknown, within about `pace_time_s`: the
+    # tilt does not yet tell a stop from a lean. Of a swing, what is slower than `pace_swing_time_s` then counts to it.
     rest_tilt_rad: float = math.radians(0.3)
     moving_start_tilt_rad: float = math.radians(15.0)
     moving_start_speed_mps: float = 1.2

@@ -81,7 +81,8 @@ class ReferenceAttitude:
         F = expm(A * dt)
         self.u_W = F[9:12, 9:12] @ self.u_W
         Q = np.zeros(24)
-        Q[0:3] = s.gyro_noise_radps_rthz**2 + self._scale**2 * s.gyro_scale_time_s * (w_mid @ w_mid + w_change @ w_change)
+        squares = w_mid @ w_mid + w_change @ w_change
+        Q[0:3] = s.gyro_noise_radps_rthz**2 + self._scale**2 * s.gyro_scale_time_s * squares
         Q[3:6] = s.gyro_bias_walk_radps_rts**2
         Q[6:9] = s.sf_noise_mps2_rthz**2 + self._scale**2 * s.sf_scale_time_s * (acceleration @ acceleration)
         Q[9:12] = 2.0 * drift_var / time_s
