@@ -266,8 +266,8 @@ class AttitudeKalman:
         state.covariance[_DIAGONAL] += noise
 
     def _drift_var(self, state: AttitudeState, dt_s: float) -> float:
-        """Return the drift's variance, (m/s)² on each axis, from the velocity's mean square, brought up to date, and from
-        its square now: as large as a walker's where the pace is not known."""
+        """Return the drift's variance, (m/s)² on each axis, from the velocity's mean square, brought up to date, and
+        from its square now: as large as a walker's where the pace is not known."""
         square = min(0.5 * (state.v_W[0] ** 2 + state.v_W[1] ** 2), self._most_drift_var)
         if state.resting or state.pace_unknown_s > 0.0:
             state.mean_square_speed = self._most_drift_var
