@@ -67,7 +67,7 @@ def carried_by_gyro(kalman: AttitudeKalman, state: AttitudeState, since: Sequenc
         turned = vec3.scaled(kalman.rate(state, vec3.between(w_before, sample.w_B, 0.5)), dt_s)
         q_WB = so3.multiply(q_WB, so3.quaternion_from_rotvec(turned))
         elapsed_s, net_rad = elapsed_s + dt_s, vec3.plus_scaled(net_rad, turned, 1.0)
-        path_rad2 += kalman.rotation_per_square_rate * vec3.square(sample.w_B) * dt_s
+        path_rad2 += kalman.turn_var(w_before, sample.w_B, dt_s) if dt_s > 0.0 else 0.0
         t_ns, w_before = sample.t_ns, sample.w_B
     P = state.covariance
     bias_var = float(np.diag(P[GYRO_BIAS, GYRO_BIAS]).max()) * elapsed_s**2

@@ -4,7 +4,7 @@ The gyroscope is integrated on SO(3). What pulls the result to the vertical is t
 the integral of specific force minus gravity cannot run away from the drift of a walk, which turns with the wearer and
 changes slowly. An error-state Kalman filter weighs the two. Every sample counts: a gate on the length of the specific
 force would spoil the mean of the accelerations, which carries the vertical. How closely the velocity keeps to the
-drift follows from its own swing about it, and from rest.
+drift follows from its own swing about it, and from rest; how far it drifts, from how fast it has been of late.
 
 Estimates, and their errors (true = estimate ⊕ error), θ, v and u in W and right-invariant, so that (3) holds in any
 motion:
@@ -92,8 +92,9 @@ class AttitudeKalman:
         self.walk_density[SF_BIAS] = settings.sf_bias_walk_mps2_rts**2
         self.walk_density[MOUNT] = settings.camera.mount_walk_rad_rts**2
         self._least_tilt_var = (residual.specific_force_mps2 / settings.gravity_mps2) ** 2
-        self.rotation_per_square_rate = residual.scale**2 * settings.gyro_scale_time_s
-        self._velocity_per_square_acceleration = residual.scale**2 * settings.sf_scale_time_s
+        self._scale_var = residual.scale**2
+        self._velocity_per_square_acceleration = self._scale_var * settings.sf_scale_time_s
+        self._most_drift_var = settings.moving_start_speed_mps**2
         self._sway_swing_density = settings.sway_swing_mps_rts**2
 
     def new_state(self, known: SensorErrors | None = None) -> AttitudeState:
@@ -121,6 +122,13 @@ class AttitudeKalman:
     def rate(self, state: AttitudeState, w_measured: Vec3) -> Vec3:
         """Return w of (1) in rad/s."""
         return vec3.minus(vec3.minus(w_measured, so3.transform(state.gyro_matrix, w_measured)), state.gyro_bias)
+
+    def turn_var(self, w_before: Vec3, w_after: Vec3, dt_s: float) -> float:
+        """Return the variance, rad² on each axis, of a turn between two samples by scale errors that no constant matrix
+        explains: σ² τ (w² + τ² ẇ²) dt."""
+        time_s, w = self.settings.gyro_scale_time_s, vec3.between(w_before, w_after, 0.5)
+        changed = vec3.scaled(vec3.minus(w_after, w_before), time_s / dt_s)
+        return self._scale_var * time_s * (vec3.square(w) + vec3.square(changed)) * dt_s
 
     def rotation_cov_W(self, state: AttitudeState) -> FloatArray:
         """Return the covariance (3, 3), rad², of θ: the tilt's no less than the accelerometer's residual allows, with
@@ -163,6 +171,7 @@ class AttitudeKalman:
         """(1) and (2) by the trapezoidal rule."""
         step = state.step
         w_mid, sf_before_W = vec3.between(state.w_measured, sample.w_B, 0.5), state.sf_W
+        turn_var = self.turn_var(state.w_measured, sample.w_B, dt_s)
         state.sf_measured, state.w_measured = sample.sf_B, sample.w_B
         turned = vec3.scaled(self.rate(state, w_mid), dt_s)
         state.q_WB = so3.multiply(state.q_WB, so3.quaternion_from_rotvec(turned))
@@ -179,7 +188,7 @@ class AttitudeKalman:
         step.rates.append(w_mid)
         step.dts_s.append(dt_s)
         step.yaw_rad += rows[6] * turned[0] + rows[7] * turned[1] + rows[8] * turned[2]
-        step.rotation_var += self.rotation_per_square_rate * vec3.square(w_mid) * dt_s
+        step.rotation_var += turn_var
         step.velocity_var += self._velocity_per_square_acceleration * vec3.square(acceleration_W) * dt_s
         self._add_unseen_variance(state, dt_s, sample.clipped)
         if step.elapsed_s >= self.settings.correction_s:
@@ -230,11 +239,11 @@ class AttitudeKalman:
         F[TRAVEL, SF_BIAS] = -0.5 * T_s * sum_R_dt
         F[VELOCITY, GROUND] = -T_s * _I3
         F[TRAVEL, GROUND] = -0.5 * T_s**2 * _I3
-        drift_mps, time_s = settings.drift_mps, settings.drift_time_s
+        drift_var, time_s = self._drift_var(state, step.elapsed_s), settings.drift_time_s
         if state.resting:
-            drift_mps, time_s = settings.sway_mps, settings.sway_time_s
+            drift_var, time_s = settings.sway_mps**2, settings.sway_time_s
         elif state.pace_unknown_s > 0.0:
-            drift_mps = settings.moving_start_speed_mps
+            time_s = settings.pace_time_s
         state.pace_unknown_s -= step.elapsed_s
         kept = math.exp(-step.elapsed_s / time_s)
         c_yaw, s_yaw = kept * math.cos(step.yaw_rad), kept * math.sin(step.yaw_rad)
@@ -244,7 +253,7 @@ class AttitudeKalman:
         noise = self.walk_density * step.elapsed_s
         noise[ROTATION] += step.rotation_var + (settings.runaway_rad_rts**2 * step.elapsed_s if runs_away else 0.0)
         noise[VELOCITY] += step.velocity_var
-        noise[DRIFT] += (1.0 - kept**2) * drift_mps**2
+        noise[DRIFT] += (1.0 - kept**2) * drift_var
         if self.follows_camera(state):
             by_camera = settings.camera
             walk = by_camera.ground_bias_walk_radps_rts if state.ground.moves else by_camera.bias_walk_radps_rts
@@ -255,6 +264,18 @@ class AttitudeKalman:
             self._predict_ground(state.ground, step.elapsed_s, F, noise)
         state.covariance = F @ state.covariance @ F.T
         state.covariance[_DIAGONAL] += noise
+
+    def _drift_var(self, state: AttitudeState, dt_s: float) -> float:
+        """Return the drift's variance, (m/s)² on each axis, from the velocity's mean square, brought up to date, and
+        from its square now: as large as a walker's where the pace is not known."""
+        square = min(0.5 * (state.v_W[0] ** 2 + state.v_W[1] ** 2), self._most_drift_var)
+        if state.resting or state.pace_unknown_s > 0.0:
+            state.mean_square_speed = self._most_drift_var
+        else:
+            gain = dt_s / (dt_s + self.settings.drift_average_s)
+            state.mean_square_speed += gain * (square - state.mean_square_speed)
+        known_var = self.settings.drift_floor_mps**2 + max(state.mean_square_speed, square)
+        return min(known_var, self._most_drift_var)
 
     def _predict_ground(self, ground: GroundMotion, dt_s: float, F: FloatArray, noise: FloatArray) -> None:
         """Let the ground's acceleration turn with it, and both fade to what is usual of a vehicle."""
@@ -307,7 +328,8 @@ class AttitudeKalman:
         square = min(smoothed[0] ** 2 + smoothed[1] ** 2, settings.most_swing_mps**2)
         state.smooth_swing_W = smoothed
         state.mean_square_swing += dt_s / (dt_s + settings.swing_average_s) * (square - state.mean_square_swing)
-        return settings.swing_floor_mps_rts**2 + settings.swing_time_s * max(state.mean_square_swing, square)
+        time_s = settings.pace_swing_time_s if state.pace_unknown_s > 0.0 else settings.swing_time_s
+        return settings.swing_floor_mps_rts**2 + time_s * max(state.mean_square_swing, square)
 
 
 def scale_var(state: AttitudeState) -> float:

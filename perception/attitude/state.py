@@ -112,17 +112,20 @@ class AttitudeSettings:
     gyro_bias_radps: float = math.radians(2.0)  # what a change of temperature leaves of a calibrated bias
     sf_noise_mps2_rthz: float = 0.004
     sf_bias_walk_mps2_rts: float = 1e-4
-    # Scale errors that no constant matrix explains act as noise in proportion to the motion, correlated this long.
-    gyro_scale_time_s: float = 0.2
+    # Scale errors that no constant matrix explains act as noise in proportion to the motion, correlated this long; the
+    # gyroscope's also in proportion to how that changes meanwhile.
+    gyro_scale_time_s: float = 0.07
     sf_scale_time_s: float = 2.0
-    # The velocity swings about a drift, which keeps to the heading and is a walker's: mean 0, this deviation on each
-    # axis, correlated so long. The swing's mean over T has the variance (floor² + time · mean square swing) / T, of the
-    # swing smoothed, since a fast one has a smaller mean; and no less than its present square, for swings begin.
-    drift_mps: float = 0.6
-    drift_time_s: float = 20.0
+    # The velocity swings about a drift, which keeps to the heading: mean 0, correlated so long, on each horizontal axis
+    # of the mean square of the velocity; an IMU that only turns or shakes in its place does not drift. The swing's mean
+    # over T has the variance (floor² + time · mean square swing) / T, of the swing smoothed, since a fast one has a
+    # smaller mean. Both are no less than their present square, for swings and walks begin.
+    drift_floor_mps: float = 0.05
+    drift_time_s: float = 60.0
+    drift_average_s: float = 5.0
     drift_limit_mps: float = 3.0
     swing_floor_mps_rts: float = 0.2
-    swing_time_s: float = 1.0
+    swing_time_s: float = 1.5
     swing_smoothing_s: float = 0.05
     most_swing_mps: float = 1.0  # more is an error's, not a person's
     swing_average_s: float = 3.0
@@ -143,13 +146,15 @@ class AttitudeSettings:
     excess_sigmas: float = 3.0
     excess_s: float = 10.0
     # A start from rest, and in motion: from the mean specific force, at some pace, somewhere in its swing. For
-    # `pace_unknown_s`, also after a rest, the pace may change as much as it is unknown: the tilt does not yet tell a
-    # stop from a lean.
+    # `pace_unknown_s`, also after a rest, the pace may change as much as it is unknown, within about `pace_time_s`: the
+    # tilt does not yet tell a stop from a lean. Of a swing, what is slower than `pace_swing_time_s` then counts to it.
     rest_tilt_rad: float = math.radians(0.3)
     moving_start_tilt_rad: float = math.radians(15.0)
     moving_start_speed_mps: float = 1.2
     moving_start_swing_mps: float = 0.2
     pace_unknown_s: float = 5.0
+    pace_time_s: float = 20.0
+    pace_swing_time_s: float = 1.0
     # Missing samples: a motion strays from the trapezoid by `unseen_*` × the missing time, a hip's swing also by its
     # curvature / 12 × time³. Beyond `gap_s` the tilt is that of the usual mounting, to be confirmed within
     # `confirm_within_s` by samples that do not move it farther than `refuted_sigmas`.
@@ -280,6 +285,7 @@ class AttitudeState:
     drift_W: Vec3 = vec3.ZERO
     smooth_swing_W: Vec3 = vec3.ZERO
     mean_square_swing: float = 0.0
+    mean_square_speed: float = 0.0  # of the velocity on one horizontal axis, (m/s)²
     pace_unknown_s: float = 0.0  # so long the pace may still change freely
     w_measured: Vec3 = vec3.ZERO
     sf_measured: Vec3 = vec3.ZERO

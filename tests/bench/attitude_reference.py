@@ -33,6 +33,7 @@ class ReferenceAttitude:
         self._t_ns = start.t_ns or 0
         self._since_correction_s = 0.0
         self._mean_square_swing = start.mean_square_swing
+        self._mean_square_speed = start.mean_square_speed
         self._pace_unknown_s = start.pace_unknown_s
         self._smooth_swing = np.array(start.smooth_swing_W)
         self._settings = settings
@@ -58,11 +59,17 @@ class ReferenceAttitude:
         self.R_WB = self.R_WB @ Rotation.from_rotvec(self._rate(w_mid) * dt).as_matrix()
         acceleration = (sf_W_before + self.R_WB @ (sf - self.a)) / 2.0 - (0.0, 0.0, s.gravity_mps2)
         self.v_W = self.v_W + acceleration * dt
+        w_change = s.gyro_scale_time_s * (w - self._w_before) / dt
         self._w_before, self._sf_before = w, sf
 
-        deviation, time_s = (s.sway_mps, s.sway_time_s) if self._resting else (s.drift_mps, s.drift_time_s)
-        if self._pace_unknown_s > 0.0 and not self._resting:
-            deviation = s.moving_start_speed_mps
+        most, time_s = s.moving_start_speed_mps**2, s.drift_time_s
+        square = min((self.v_W[0] ** 2 + self.v_W[1] ** 2) / 2.0, most)
+        self._mean_square_speed += dt / (dt + s.drift_average_s) * (square - self._mean_square_speed)
+        drift_var = min(most, s.drift_floor_mps**2 + max(square, self._mean_square_speed))
+        if self._resting:
+            drift_var, time_s, self._mean_square_speed = s.sway_mps**2, s.sway_time_s, most
+        elif self._pace_unknown_s > 0.0:
+            drift_var, time_s, self._mean_square_speed = most, s.pace_time_s, most
         self._pace_unknown_s -= dt
         yaw_rate = self.R_WB[2] @ self._rate(w_mid)
         A = np.zeros((24, 24))
@@ -74,10 +81,11 @@ class ReferenceAttitude:
         F = expm(A * dt)
         self.u_W = F[9:12, 9:12] @ self.u_W
         Q = np.zeros(24)
-        Q[0:3] = s.gyro_noise_radps_rthz**2 + self._scale**2 * s.gyro_scale_time_s * (w_mid @ w_mid)
+        squares = w_mid @ w_mid + w_change @ w_change
+        Q[0:3] = s.gyro_noise_radps_rthz**2 + self._scale**2 * s.gyro_scale_time_s * squares
         Q[3:6] = s.gyro_bias_walk_radps_rts**2
         Q[6:9] = s.sf_noise_mps2_rthz**2 + self._scale**2 * s.sf_scale_time_s * (acceleration @ acceleration)
-        Q[9:12] = 2.0 * deviation**2 / time_s
+        Q[9:12] = 2.0 * drift_var / time_s
         Q[12:15] = s.sf_bias_walk_mps2_rts**2
         self.P = F @ self.P @ F.T + np.diag(Q * dt)
 
@@ -95,7 +103,8 @@ class ReferenceAttitude:
             self._smooth_swing += dt / (dt + s.swing_smoothing_s) * (swing - self._smooth_swing)
             square = self._smooth_swing[0] ** 2 + self._smooth_swing[1] ** 2
             self._mean_square_swing += dt / (dt + s.swing_average_s) * (square - self._mean_square_swing)
-            density = s.swing_floor_mps_rts**2 + s.swing_time_s * max(square, self._mean_square_swing)
+            time_s = s.pace_swing_time_s if self._pace_unknown_s > 0.0 else s.swing_time_s
+            density = s.swing_floor_mps_rts**2 + time_s * max(square, self._mean_square_swing)
         measurements += [(identity[6 + i] - identity[9 + i], -swing[i], density / dt) for i in range(3)]
         error = np.zeros(24)
         for h, value, variance in measurements:
