@@ -7,6 +7,7 @@ import numpy as np
 
 from messages import (
     Frame,
+    GroundPlane,
     NextFoothold,
     Reason,
     Side,
@@ -28,7 +29,7 @@ from perception.terrain.near_ground import NearGround
 from perception.terrain.obstacle_memory import ObstacleMemory
 from perception.terrain.obstacles import Obstacle, find_obstacles
 from perception.terrain.path_ahead import PathAhead, moved
-from perception.terrain.path_points import PathSettings, find_points
+from perception.terrain.path_points import NOISE_PX, PathSettings, find_points
 from perception.terrain.profile import profile_of
 from perception.terrain.roughness import Roughness
 from perception.terrain.surfaces import PathSurfaces, Surface, find_surfaces
@@ -65,6 +66,7 @@ class TerrainEstimator:
         self._obstacles = ObstacleMemory(self._path.half_width_m)
         self._roughness = Roughness()
         self._near = NearGround()
+        self._scatter = 1.0
         self.surfaces = PathSurfaces((), 0.0)
         """Those that the newest estimate was made of."""
         self._seen: _Seen | None = None
@@ -93,11 +95,13 @@ class TerrainEstimator:
         *,
         height_rate_mps: float = 0.0,
         distance_scale: float = 0.0,
+        ground: GroundPlane | None = None,
     ) -> Terrain:
         """Return the terrain in H of `frame`, given attitude, rate and velocity of the IMU at mid-exposure.
 
         `height_rate_mps` is how fast the camera moves away from the ground; `distance_scale` by what share the camera's
-        distances are too long.
+        distances are too long. What looks as much like the `ground` of the same frame, where that is valid, is that;
+        as its disparities scatter, so do those of things.
         """
         if tuple(image.shape[::-1] for image in frame.images) != tuple(self._camera.image_sizes_px):
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.WRONG_SIZE)
@@ -114,13 +118,18 @@ class TerrainEstimator:
             height_rate_mps,
             self._height_m,
             self._path,
+            None if ground is None else _nearness_H(ground, 1.0 + distance_scale),
         )
         heading_rad = math.atan2(R_WH[1, 0], R_WH[0, 0])
         yaw_rad = self._memory.expected_yaw_rad(heading_rad)
         profile = profile_of(points, yaw_rad, 2.0 * self._path.half_width_m)
         surfaces = find_surfaces(profile)
         self.surfaces = PathSurfaces(surfaces, yaw_rad)
-        things, on_thing = find_obstacles(points, self.surfaces, self._roughness.rough_m, self._path.half_width_m)
+        if ground is not None and math.isfinite(ground.disparity_noise_px):
+            self._scatter = max(1.0, ground.disparity_noise_px / NOISE_PX)
+        things, on_thing = find_obstacles(
+            points, self.surfaces, self._roughness.rough_m, self._path.half_width_m, self._scatter
+        )
         self._roughness.add(points.where(~on_thing), profile, surfaces, yaw_rad)
         found = find_edges(surfaces, points, yaw_rad)
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
@@ -190,6 +199,15 @@ class _Seen(NamedTuple):
         """Return how far the camera, at `v_W_mps` (3,) now, has gone along x of H and upwards."""
         way_m = 0.5e-9 * (t_ns - self.t_ns) * (self.v_W_mps + v_W_mps)
         return float(R_WH[:, 0] @ way_m), float(way_m[2])
+
+
+def _nearness_H(ground: GroundPlane, too_long: float) -> FloatArray | None:
+    """Return n (3,) in H: a ray r meets the ground at the depth 1 / (r · n), as a camera sees it whose distances are
+    `too_long` times as long as true ones."""
+    if ground.status is not Status.VALID:
+        return None
+    slopes = math.tan(ground.slope_sagittal_rad), math.tan(ground.slope_frontal_rad)
+    return np.array([*slopes, -1.0]) / (too_long * ground.height_m)
 
 
 def _told(edge: Edge, too_long: float) -> TerrainEdge:

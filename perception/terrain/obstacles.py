@@ -27,15 +27,15 @@ class Obstacle:
 
 
 def find_obstacles(
-    points: PathPoints, path: PathSurfaces, rough_m: float, half_width_m: float
+    points: PathPoints, path: PathSurfaces, rough_m: float, half_width_m: float, scatter: float = 1.0
 ) -> tuple[list[Obstacle], BoolArray]:
     """Return the things on a path of `half_width_m` to either side, and which of the `points` (n,) lie on any.
 
-    `rough_m`, one σ, is how much the ground varies.
+    `rough_m`, one σ, is how much the ground varies; `scatter` how many times as far as they state points are off.
     """
     rise_m = points.z_m - _ground_m(points.along(path.yaw_rad), path)
     high = (rise_m < _HIGHEST_M) & (
-        rise_m > np.maximum(LEAST_RISE_M, _OVER_ROUGH * rough_m) + _OVER_NOISE * points.deviation_m
+        rise_m > np.maximum(LEAST_RISE_M, _OVER_ROUGH * rough_m) + _OVER_NOISE * scatter * points.deviation_m
     )
     thing = _thing_of(points, high, half_width_m)
     found = []
