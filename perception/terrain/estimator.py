@@ -22,7 +22,7 @@ from messages.arrays import FloatArray
 from perception import so3
 from perception.depth.disparity import DisparityCamera
 from perception.heading import heading
-from perception.terrain.edges import Edge, find_edges
+from perception.terrain.edges import Edge, common_sd_m, find_edges
 from perception.terrain.kinds import FROM_M, ROUGH_M, higher_than_bumps, kind_of
 from perception.terrain.memory import EdgeMemory
 from perception.terrain.near_ground import NearGround
@@ -149,7 +149,7 @@ class TerrainEstimator:
             reason=Reason.NONE,
             kind=kind,
             probability=probability,
-            edges=tuple(_told(edge, 1.0 + distance_scale) for edge in edges),
+            edges=tuple(self._told(edge, 1.0 + distance_scale) for edge in edges),
             obstacles=tuple(_obstacle(each, 1.0 + distance_scale) for each in obstacles),
             foothold=NextFoothold.unknown(self.side),
             calibration_id=self._calibration_id,
@@ -173,6 +173,18 @@ class TerrainEstimator:
             self._near.clear()
             return self._near.update(t_ns, 0.0, 0.0, surfaces)
         return self._near.update(t_ns, *self._seen.ahead_and_up_m(t_ns, v_C_W_mps, R_WH), surfaces)
+
+    def _told(self, edge: Edge, too_long: float) -> TerrainEdge:
+        """Return an edge with its lengths corrected for distances that are `too_long` times as long as true ones."""
+        common_m = common_sd_m(edge.distance_m, self._height_m, self._camera.f_px * self._camera.baseline_m)
+        return TerrainEdge(
+            distance_m=edge.distance_m / too_long,
+            distance_sd_m=math.hypot(edge.distance_sd_m, common_m),
+            rise_m=edge.rise_m / too_long,
+            rise_sd_m=edge.rise_sd_m,
+            bound_only=edge.bound_only,
+            yaw_rad=edge.yaw_rad,
+        )
 
     def _follow_height(self, surfaces: list[Surface]) -> None:
         """Take the height over the nearest surface for that over the ground that the wearer stands on."""
@@ -208,18 +220,6 @@ def _nearness_H(ground: GroundPlane, too_long: float) -> FloatArray | None:
         return None
     slopes = math.tan(ground.slope_sagittal_rad), math.tan(ground.slope_frontal_rad)
     return np.array([*slopes, -1.0]) / (too_long * ground.height_m)
-
-
-def _told(edge: Edge, too_long: float) -> TerrainEdge:
-    """Return an edge with its lengths corrected for distances that are `too_long` times as long as true ones."""
-    return TerrainEdge(
-        distance_m=edge.distance_m / too_long,
-        distance_sd_m=edge.distance_sd_m,
-        rise_m=edge.rise_m / too_long,
-        rise_sd_m=edge.rise_sd_m,
-        bound_only=edge.bound_only,
-        yaw_rad=edge.yaw_rad,
-    )
 
 
 def _obstacle(obstacle: Obstacle, too_long: float) -> TerrainObstacle:
