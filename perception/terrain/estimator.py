@@ -27,9 +27,9 @@ from perception.terrain.kinds import FROM_M, ROUGH_M, higher_than_bumps, kind_of
 from perception.terrain.memory import EdgeMemory
 from perception.terrain.near_ground import NearGround
 from perception.terrain.obstacle_memory import ObstacleMemory
-from perception.terrain.obstacles import Obstacle, find_obstacles
+from perception.terrain.obstacles import Obstacle, Scatter, find_obstacles
 from perception.terrain.path_ahead import PathAhead, moved
-from perception.terrain.path_points import NOISE_PX, PathSettings, find_points
+from perception.terrain.path_points import PathSettings, find_points
 from perception.terrain.profile import profile_of
 from perception.terrain.roughness import Roughness
 from perception.terrain.surfaces import PathSurfaces, Surface, find_surfaces
@@ -66,7 +66,7 @@ class TerrainEstimator:
         self._obstacles = ObstacleMemory(self._path.half_width_m)
         self._roughness = Roughness()
         self._near = NearGround()
-        self._scatter = 1.0
+        self._scatter = Scatter()
         self.surfaces = PathSurfaces((), 0.0)
         """Those that the newest estimate was made of."""
         self._seen: _Seen | None = None
@@ -125,10 +125,10 @@ class TerrainEstimator:
         profile = profile_of(points, yaw_rad, 2.0 * self._path.half_width_m)
         surfaces = find_surfaces(profile)
         self.surfaces = PathSurfaces(surfaces, yaw_rad)
-        if ground is not None and math.isfinite(ground.disparity_noise_px):
-            self._scatter = max(1.0, ground.disparity_noise_px / NOISE_PX)
+        if ground is not None and self._roughness.rough_m <= ROUGH_M:
+            self._scatter.add(ground.disparity_noise_px)
         things, on_thing = find_obstacles(
-            points, self.surfaces, self._roughness.rough_m, self._path.half_width_m, self._scatter
+            points, self.surfaces, self._roughness.rough_m, self._path.half_width_m, self._scatter.of_stated
         )
         self._roughness.add(points.where(~on_thing), profile, surfaces, yaw_rad)
         found = find_edges(surfaces, points, yaw_rad)

@@ -7,7 +7,7 @@ import pytest
 
 from messages.arrays import FloatArray
 from perception.terrain.obstacle_memory import ObstacleMemory
-from perception.terrain.obstacles import Obstacle, find_obstacles
+from perception.terrain.obstacles import Obstacle, Scatter, find_obstacles
 from perception.terrain.path_points import PathPoints
 from perception.terrain.profile import profile_of
 from perception.terrain.surfaces import PathSurfaces, find_surfaces
@@ -70,6 +70,16 @@ def test_faint_texture_whose_matches_err_alike_in_patches_holds_no_obstacle() ->
             found_with[scatter] += len(find_obstacles(points, surfaces, 0.003, HALF_M, scatter)[0])
     assert found_with[1.0] > 3
     assert found_with[8.0] == 0
+
+
+def test_the_scatter_follows_the_grounds_own_and_no_bumps() -> None:
+    scatter = Scatter()
+    for _ in range(40):
+        scatter.add(0.4)
+    assert scatter.of_stated == pytest.approx(4.0, abs=0.01)
+    for noise_px in (1.0, float("nan")):
+        scatter.add(noise_px)
+    assert scatter.of_stated == pytest.approx(4.0, abs=0.01)
 
 
 def test_a_wall_is_an_obstacle_and_a_face_as_high_as_a_kerb_is_none() -> None:
