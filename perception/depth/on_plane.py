@@ -73,7 +73,8 @@ _LEAST_OFF = 0.005
 _ABOUT = (7, 7)
 _ALONG = (15, 1)
 _ALIKE = 0.8
-"""On stairs and kerbs none of 60,000 pixels off the ground's plane is alike on it, of checkered tiles 93 % and more."""
+"""Of 45,000 pixels off the ground's plane on stairs and a kerb one in 1,000, or less, was alike on it; of checkered
+tiles 93 % and more, as far as the picture resolves them."""
 _LEAST_CONTRAST = 3.0
 """Grey levels: less may be noise."""
 _TINY = 1e-6
