@@ -324,6 +324,7 @@ class Pipeline:
             placed.v_W_mps,
             height_rate_mps=placed.vertical_swing_mps,
             distance_scale=self._attitude.distance_scale,
+            ground=ground,
         )
         if self._ground.makes_ambiguous(ground, self._terrain.surfaces.surfaces):
             return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, self._ambiguous_path())

@@ -60,6 +60,15 @@ class DepthCamera:
         window = Window.cut(u_px, v_px, lens.width_px, lens.height_px)
         return None if window is None else self._patch(images, window)
 
+    def laid_on_plane(
+        self,
+        images: Sequence[Image],  # noqa: ARG002 - see DisparityCamera
+        patch: DisparityPatch,
+        theta_C: FloatArray,  # noqa: ARG002
+    ) -> DisparityPatch:
+        """Return the patch as it is: depth is what this camera delivers, and no match."""
+        return patch
+
     def _patch(self, images: Sequence[Image], window: Window) -> DisparityPatch:
         seen = (window.rows, window.columns)
         steps = images[0][seen]

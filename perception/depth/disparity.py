@@ -109,6 +109,10 @@ class DisparityCamera(Protocol):
         What is nearer than can be measured is not found.
         """
 
+    def laid_on_plane(self, images: Sequence[Image], patch: DisparityPatch, theta_C: FloatArray) -> DisparityPatch:
+        """Return a `patch` of `images` in which what shows the plane d = r · `theta_C` (3,), px, as well as what was
+        matched, as where a floor repeats itself, is that plane."""
+
     def blind_share(self, images: Sequence[Image], points_C: FloatArray) -> float:
         """Return of what part of the picture about `points_C` (N, 3), before the camera, is white or black."""
 

@@ -11,6 +11,7 @@ from messages.arrays import FloatArray, GreyImage
 from perception.depth.disparity import DisparityPatch, OutOfRangeError, View
 from perception.depth.eye_shifts import EyeShifts, find_shifts
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
+from perception.depth.on_plane import laid_on_plane
 from perception.depth.rectify import Rectifier, Window, intrinsics
 from perception.depth.repeats import Repeats, find_repeats
 
@@ -55,6 +56,10 @@ class StereoCamera:
         nearest_px, farthest_px = rectifier.f_px * rectifier.baseline_m / np.array(view.depth_m)
         search = DisparityRange.covering(farthest_px, min(nearest_px, farthest_px + _MOST_DISPARITIES - _MARGIN_PX))
         return self._matched(self._wide_matcher, images, window, search)
+
+    def laid_on_plane(self, images: Sequence[Image], patch: DisparityPatch, theta_C: FloatArray) -> DisparityPatch:
+        """Return the patch in which what may be the plane is (see DisparityCamera)."""
+        return laid_on_plane(self.rectifier, images, patch, theta_C)
 
     def _matched(
         self, matcher: SemiGlobalMatcher, images: Sequence[Image], window: Window, search: DisparityRange

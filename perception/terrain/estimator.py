@@ -7,6 +7,7 @@ import numpy as np
 
 from messages import (
     Frame,
+    GroundPlane,
     NextFoothold,
     Reason,
     Side,
@@ -21,12 +22,12 @@ from messages.arrays import FloatArray
 from perception import so3
 from perception.depth.disparity import DisparityCamera
 from perception.heading import heading
-from perception.terrain.edges import Edge, find_edges
+from perception.terrain.edges import Edge, common_sd_m, find_edges
 from perception.terrain.kinds import FROM_M, ROUGH_M, higher_than_bumps, kind_of
 from perception.terrain.memory import EdgeMemory
 from perception.terrain.near_ground import NearGround
 from perception.terrain.obstacle_memory import ObstacleMemory
-from perception.terrain.obstacles import Obstacle, find_obstacles
+from perception.terrain.obstacles import Obstacle, Scatter, find_obstacles
 from perception.terrain.path_ahead import PathAhead, moved
 from perception.terrain.path_points import PathSettings, find_points
 from perception.terrain.profile import profile_of
@@ -65,6 +66,7 @@ class TerrainEstimator:
         self._obstacles = ObstacleMemory(self._path.half_width_m)
         self._roughness = Roughness()
         self._near = NearGround()
+        self._scatter = Scatter()
         self.surfaces = PathSurfaces((), 0.0)
         """Those that the newest estimate was made of."""
         self._seen: _Seen | None = None
@@ -93,11 +95,13 @@ class TerrainEstimator:
         *,
         height_rate_mps: float = 0.0,
         distance_scale: float = 0.0,
+        ground: GroundPlane | None = None,
     ) -> Terrain:
         """Return the terrain in H of `frame`, given attitude, rate and velocity of the IMU at mid-exposure.
 
         `height_rate_mps` is how fast the camera moves away from the ground; `distance_scale` by what share the camera's
-        distances are too long.
+        distances are too long. What looks as much like the `ground` of the same frame, where that is valid, is that;
+        as its disparities scatter, so do those of things.
         """
         if tuple(image.shape[::-1] for image in frame.images) != tuple(self._camera.image_sizes_px):
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.WRONG_SIZE)
@@ -114,13 +118,18 @@ class TerrainEstimator:
             height_rate_mps,
             self._height_m,
             self._path,
+            None if ground is None else _nearness_H(ground, 1.0 + distance_scale),
         )
         heading_rad = math.atan2(R_WH[1, 0], R_WH[0, 0])
         yaw_rad = self._memory.expected_yaw_rad(heading_rad)
         profile = profile_of(points, yaw_rad, 2.0 * self._path.half_width_m)
         surfaces = find_surfaces(profile)
         self.surfaces = PathSurfaces(surfaces, yaw_rad)
-        things, on_thing = find_obstacles(points, self.surfaces, self._roughness.rough_m, self._path.half_width_m)
+        if ground is not None and self._roughness.rough_m <= ROUGH_M:
+            self._scatter.add(ground.disparity_noise_px)
+        things, on_thing = find_obstacles(
+            points, self.surfaces, self._roughness.rough_m, self._path.half_width_m, self._scatter.of_stated
+        )
         self._roughness.add(points.where(~on_thing), profile, surfaces, yaw_rad)
         found = find_edges(surfaces, points, yaw_rad)
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
@@ -140,7 +149,7 @@ class TerrainEstimator:
             reason=Reason.NONE,
             kind=kind,
             probability=probability,
-            edges=tuple(_told(edge, 1.0 + distance_scale) for edge in edges),
+            edges=tuple(self._told(edge, 1.0 + distance_scale) for edge in edges),
             obstacles=tuple(_obstacle(each, 1.0 + distance_scale) for each in obstacles),
             foothold=NextFoothold.unknown(self.side),
             calibration_id=self._calibration_id,
@@ -164,6 +173,18 @@ class TerrainEstimator:
             self._near.clear()
             return self._near.update(t_ns, 0.0, 0.0, surfaces)
         return self._near.update(t_ns, *self._seen.ahead_and_up_m(t_ns, v_C_W_mps, R_WH), surfaces)
+
+    def _told(self, edge: Edge, too_long: float) -> TerrainEdge:
+        """Return an edge with its lengths corrected for distances that are `too_long` times as long as true ones."""
+        common_m = common_sd_m(edge.distance_m, self._height_m, self._camera.f_px * self._camera.baseline_m)
+        return TerrainEdge(
+            distance_m=edge.distance_m / too_long,
+            distance_sd_m=math.hypot(edge.distance_sd_m, common_m),
+            rise_m=edge.rise_m / too_long,
+            rise_sd_m=edge.rise_sd_m,
+            bound_only=edge.bound_only,
+            yaw_rad=edge.yaw_rad,
+        )
 
     def _follow_height(self, surfaces: list[Surface]) -> None:
         """Take the height over the nearest surface for that over the ground that the wearer stands on."""
@@ -192,16 +213,13 @@ class _Seen(NamedTuple):
         return float(R_WH[:, 0] @ way_m), float(way_m[2])
 
 
-def _told(edge: Edge, too_long: float) -> TerrainEdge:
-    """Return an edge with its lengths corrected for distances that are `too_long` times as long as true ones."""
-    return TerrainEdge(
-        distance_m=edge.distance_m / too_long,
-        distance_sd_m=edge.distance_sd_m,
-        rise_m=edge.rise_m / too_long,
-        rise_sd_m=edge.rise_sd_m,
-        bound_only=edge.bound_only,
-        yaw_rad=edge.yaw_rad,
-    )
+def _nearness_H(ground: GroundPlane, too_long: float) -> FloatArray | None:
+    """Return n (3,) in H: a ray r meets the ground at the depth 1 / (r · n), as a camera sees it whose distances are
+    `too_long` times as long as true ones."""
+    if ground.status is not Status.VALID:
+        return None
+    slopes = math.tan(ground.slope_sagittal_rad), math.tan(ground.slope_frontal_rad)
+    return np.array([*slopes, -1.0]) / (too_long * ground.height_m)
 
 
 def _obstacle(obstacle: Obstacle, too_long: float) -> TerrainObstacle:

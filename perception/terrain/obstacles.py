@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from messages.arrays import BoolArray, FloatArray, IntArray
-from perception.terrain.path_points import PathPoints
+from perception.terrain.path_points import NOISE_PX, PathPoints
 from perception.terrain.surfaces import PathSurfaces
 
 
@@ -26,16 +26,29 @@ class Obstacle:
     height_m: float
 
 
+class Scatter:
+    """Follows how many times as far as they state points are off, by the disparities of the ground: not where it is
+    rough, since bumps, or a thing that is taken for one, would hide things."""
+
+    def __init__(self) -> None:
+        self.of_stated = _USUAL_SCATTER
+
+    def add(self, noise_px: float) -> None:
+        """Take what the disparities of a frame's ground scatter about its plane; NaN where that was not seen."""
+        if noise_px <= _MOST_NOISE_PX:
+            self.of_stated += _FOLLOWS * (max(1.0, noise_px / NOISE_PX) - self.of_stated)
+
+
 def find_obstacles(
-    points: PathPoints, path: PathSurfaces, rough_m: float, half_width_m: float
+    points: PathPoints, path: PathSurfaces, rough_m: float, half_width_m: float, scatter: float = 1.0
 ) -> tuple[list[Obstacle], BoolArray]:
     """Return the things on a path of `half_width_m` to either side, and which of the `points` (n,) lie on any.
 
-    `rough_m`, one σ, is how much the ground varies.
+    `rough_m`, one σ, is how much the ground varies; `scatter` how many times as far as they state points are off.
     """
     rise_m = points.z_m - _ground_m(points.along(path.yaw_rad), path)
     high = (rise_m < _HIGHEST_M) & (
-        rise_m > np.maximum(LEAST_RISE_M, _OVER_ROUGH * rough_m) + _OVER_NOISE * points.deviation_m
+        rise_m > np.maximum(LEAST_RISE_M, _OVER_ROUGH * rough_m) + _OVER_NOISE * scatter * points.deviation_m
     )
     thing = _thing_of(points, high, half_width_m)
     found = []
@@ -87,6 +100,7 @@ HIGHEST_STEP_M = 0.30
 _HIGHEST_M = 0.60  # nothing higher is looked for: what matches there does so by chance
 _OVER_ROUGH = 7.0
 _OVER_NOISE = 3.0
+_USUAL_SCATTER, _MOST_NOISE_PX, _FOLLOWS = 2.0, 0.6, 0.2
 _BESIDE_M = 0.15
 _CELL_M = 0.04
 _LEAST_OF_CELL = 2

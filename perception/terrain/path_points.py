@@ -31,8 +31,8 @@ class PathSettings:
 class PathPoints:
     """Points (n,) on the path in H.
 
-    `deviation_m` is how far the matching noise moves z, one σ; `area_m2` the part of a level surface at that depth that
-    each point stands for, `along_m` its length along x.
+    `deviation_m` is how far a matching noise of NOISE_PX moves z, one σ; `area_m2` the part of a level surface at that
+    depth that each point stands for, `along_m` its length along x.
     """
 
     x_m: FloatArray
@@ -61,16 +61,20 @@ def find_points(
     height_rate_mps: float,
     height_m: float,
     path: PathSettings,
+    nearness_H: FloatArray | None = None,
 ) -> PathPoints:
     """Return the points on the path that a frame's raw `images` show.
 
     `height_m` is that of the camera over the ground that the wearer stands on; `R_HC`, `w_HC_C_radps` and
     `height_rate_mps` are as for `perception.ground.meter`. The picture is matched in bands of rows: each sees other
-    distances.
+    distances. What looks as much like the ground is that: the ray r meets it at the depth 1 / (r · `nearness_H`).
     """
     found = []
     for view, strides in _views(camera, R_HC, height_m, path):
         patch = camera.find_in_view(images, view)
+        if patch is not None and nearness_H is not None:
+            theta_C = camera.f_px * camera.baseline_m * R_HC.T @ nearness_H
+            patch = camera.laid_on_plane(images, patch, theta_C)
         if patch is not None:
             found.append(
                 _points(camera, patch.every(*strides), R_HC, w_HC_C_radps, height_rate_mps / height_m, strides)
@@ -121,7 +125,7 @@ def _points(
     # a level surface |z| below shows f² |z| / Z³ pixels a square metre, f |z| / Z² a metre along x
     along_m = strides[0] * depth_m**2 / (camera.f_px * np.abs(z_m))
     area_m2 = along_m * strides[1] * depth_m / camera.f_px
-    return x_m, y_m, z_m, _NOISE_PX / fB_px_m * depth_m * np.abs(z_m), area_m2, along_m
+    return x_m, y_m, z_m, NOISE_PX / fB_px_m * depth_m * np.abs(z_m), area_m2, along_m
 
 
 _STRIDES = ((1, 4), (2, 4), (3, 5))
@@ -129,7 +133,8 @@ _STRIDES = ((1, 4), (2, 4), (3, 5))
 _ALONG_RAY = 8.0
 """Between two rows a surface recedes by so many times the distance of their rays where it is seen at 7°: what recedes
 more is no surface but what the matcher puts between a lip and what it hides."""
-_NOISE_PX = 0.1
+NOISE_PX = 0.1
+"""Of a disparity, one σ, where the texture is good."""
 _LEAST_FALL = 0.15
 _LEAST_HEIGHT_M = 0.35
 _USUAL_RISE_M = 0.25  # over ground that is higher still, the path is narrower

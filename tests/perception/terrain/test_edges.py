@@ -1,17 +1,18 @@
 """Profile, surfaces and edges of paths whose geometry is known."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.terrain.edges import Edge, find_edges
+from perception.terrain.edges import OFFSET_PX, Edge, common_sd_m, find_edges
 from perception.terrain.path_points import PathPoints
 from perception.terrain.profile import profile_of
 from perception.terrain.surfaces import Surface, find_surfaces
-from tests.bench.path_scene import Piece, flight, points_seen
+from tests.bench.path_scene import B_M, F_PX, Piece, flight, points_seen
 
 WIDTH_M = 0.5
 
@@ -94,6 +95,17 @@ def test_the_drops_between_short_treads_seen_from_afar_are_right_to_millimetres(
     ]
     assert len(off_m) > 20
     assert math.sqrt(np.mean(np.square(off_m))) < 0.0025
+
+
+@pytest.mark.parametrize("at_m", [0.7, 1.2, 1.9])
+def test_what_moves_all_disparities_moves_an_edge_by_its_common_deviation(at_m: float) -> None:
+    """It grows with the square of the distance, and is no smaller however many frames show the edge."""
+    points = points_seen([(-1.0, 0.0, at_m, 0.0), (at_m, 0.0, at_m, 0.15), (at_m, 0.15, 6.0, 0.15)], noise_px=0.0)
+    disparity_px = F_PX * B_M * math.sqrt(2.0) / (points.x_m - points.z_m)
+    farther = disparity_px / (disparity_px - OFFSET_PX)
+    moved = replace(points, x_m=farther * points.x_m, y_m=farther * points.y_m, z_m=farther * points.z_m)
+    off_m = nearest(found(moved)[1], at_m).distance_m - nearest(found(points)[1], at_m).distance_m
+    assert off_m == pytest.approx(common_sd_m(at_m, 0.95, F_PX * B_M), rel=0.25)
 
 
 def test_no_surface_is_laid_over_the_nosings_of_a_flight() -> None:

@@ -1,15 +1,17 @@
 """Things on the path: found where they are, told once they are sure, and none that move with the wearer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from messages.arrays import FloatArray
 from perception.terrain.obstacle_memory import ObstacleMemory
-from perception.terrain.obstacles import Obstacle, find_obstacles
+from perception.terrain.obstacles import Obstacle, Scatter, find_obstacles
 from perception.terrain.path_points import PathPoints
 from perception.terrain.profile import profile_of
 from perception.terrain.surfaces import PathSurfaces, find_surfaces
-from tests.bench.path_scene import Piece, flight, points_seen
+from tests.bench.path_scene import B_M, F_PX, Piece, flight, points_seen
 
 LEVEL: list[Piece] = [(-1.0, 0.0, 8.0, 0.0)]
 HALF_M = 0.25
@@ -51,6 +53,33 @@ def test_a_thing_is_found_where_it_stands(height_m: float, at_m: float, left_m: 
     assert thing.distance_m == pytest.approx(at_m, abs=0.02)
     assert thing.left_m == pytest.approx(left_m, abs=0.02)
     assert thing.height_m == pytest.approx(height_m, abs=0.03)
+
+
+def test_faint_texture_whose_matches_err_alike_in_patches_holds_no_obstacle() -> None:
+    """Where the ground's own disparities scatter by 0.8 px, a thing has to stand out from that."""
+    found_with = {1.0: 0, 8.0: 0}
+    for seed in range(6):
+        points = points_seen(LEVEL, noise_px=0.0)
+        patch = np.floor(points.x_m / 0.08).astype(int) * 7 + np.floor(points.y_m / 0.08).astype(int) + 4
+        off_px = np.random.default_rng(seed).normal(0.0, 0.8, patch.max() + 1)[patch]
+        disparity_px = F_PX * B_M * np.sqrt(2.0) / (points.x_m - points.z_m)
+        nearer = disparity_px / (disparity_px + off_px)
+        points = replace(points, x_m=nearer * points.x_m, y_m=nearer * points.y_m, z_m=nearer * points.z_m)
+        surfaces = PathSurfaces(find_surfaces(profile_of(points, 0.0, 2 * HALF_M)), 0.0)
+        for scatter in found_with:
+            found_with[scatter] += len(find_obstacles(points, surfaces, 0.003, HALF_M, scatter)[0])
+    assert found_with[1.0] > 3
+    assert found_with[8.0] == 0
+
+
+def test_the_scatter_follows_the_grounds_own_and_no_bumps() -> None:
+    scatter = Scatter()
+    for _ in range(40):
+        scatter.add(0.4)
+    assert scatter.of_stated == pytest.approx(4.0, abs=0.01)
+    for noise_px in (1.0, float("nan")):
+        scatter.add(noise_px)
+    assert scatter.of_stated == pytest.approx(4.0, abs=0.01)
 
 
 def test_a_wall_is_an_obstacle_and_a_face_as_high_as_a_kerb_is_none() -> None:
