@@ -9,10 +9,11 @@ from discrepancy.construct.construction import constructed, ported
 from discrepancy.explanation import Explanation
 from discrepancy.findings import Alternatives, Findings
 from discrepancy.judgement import LEAST_REMOVED, Judgement, Models, beside_alone, judged
+from discrepancy.ports.following import following
 from discrepancy.problem import MOST_LOST, Problem
 from discrepancy.recordings import Recordings
 from discrepancy.search.agreement import Alone, each_alone
-from discrepancy.search.carried import carried
+from discrepancy.search.carried import carried, refitted
 from discrepancy.search.equivalents import better, equivalents
 from discrepancy.search.pruning import intervals_of, kept
 from discrepancy.search.search import Found, Search
@@ -30,6 +31,10 @@ _MOST_EXCHANGED = 2
 """Causes that are exchanged at the end for a rival that fits better: the search itself has offered each to two."""
 
 
+FOLLOWED = (
+    "simulated from the inputs alone the states run away from the recorded ones: all errors are those of predictions from "
+    "sample to sample, with states that follow what was measured"
+)
 Simulations = Simulation | Sequence[Simulation]
 """One system held against one recording, or against several."""
 
@@ -84,10 +89,17 @@ def explain(
     elif judgement.good_enough and not only:
         notes = ("the simulation as it is meets the stated tolerance in every channel",)
         models, judgement = models.withdrawn(), judgement.withdrawn()
-    if not (models.causes or judgement.after.adequate or judgement.good_enough or only):
-        found_more = _constructed(every, models, seed, notes)
-        if found_more is not None:
-            return found_more
+    if not (models.causes or judgement.good_enough or only):
+        nearby = _followed(every, models.base.values)
+        if nearby is not None:
+            told = _by_following(every, nearby, models, seed, notes)
+            if told is not None:
+                return told
+        for given, more in ((every, ()), (nearby, (FOLLOWED,))):
+            if given is not None and _something_left(given, models, seed):
+                found_more = _constructed(given, models, seed, (*notes, *more))
+                if found_more is not None:
+                    return found_more
     notes += (*_compared(recordings), *_beyond(recordings))
     alternatives = _alternatives(search, models, rivals=not only)
     quiet = judgement.after.adequate and not models.causes and not only
@@ -117,6 +129,54 @@ class _Given:
 
     def recordings(self) -> Recordings:
         return Recordings.of(self.fit, self.held_out, self.names)
+
+
+def _followed(every: _Given, values: dict[str, float]) -> _Given | None:
+    """Return all simulations with states that follow what was measured, None where they have no states or follow it by
+    themselves.
+    """
+    wholes, others = ([each for each in map(ported, side) if each is not None] for side in (every.fit, every.held_out))
+    if len(wholes) < len(every.fit) or len(others) < len(every.held_out):
+        return None
+    first = following(wholes[0], values)
+    if first is None:
+        return None
+    rest = [each.like(first) for each in wholes[1:]]
+    return _Given((first, *rest), tuple(each.like(first) for each in others), every.names)
+
+
+def _something_left(given: _Given, models: Models, seed: int) -> bool:
+    """Return whether the base model leaves something of a recording that follows from the inputs."""
+    return not judged(given.recordings(), models, seed).after.adequate
+
+
+def _by_following(
+    every: _Given, nearby: _Given, before: Models, seed: int, notes: tuple[str, ...]
+) -> Explanation | None:
+    """Return the explanation by effects of the library that predictions from sample to sample tell, judged by the
+    simulation itself where that does not run away with them; None where none holds elsewhere.
+    """
+    recordings = nearby.recordings()
+    beside = Search(recordings.fit, [effect.name for effect in nearby.fit[0].effects], seed)
+    told = beside.found()
+    models = _kept(recordings, beside, told)
+    if not models.causes or _diverges(recordings.held_out, models):
+        return None
+    values, keys = models.extended.values, models.extended.keys
+    for given, how in ((every, ()), (_followed(every, values), (FOLLOWED,))):
+        if given is None:
+            continue
+        whole = given.recordings()
+        base, best = refitted(whole.fit, before.base.values, ()), refitted(whole.fit, values, keys)
+        own = Models(base, intervals_of(whole.fit, base), best, intervals_of(whole.fit, best), models.causes)
+        if _diverges(whole.held_out, own):
+            continue
+        judgement = judged(whole, own, seed)
+        if _holds(judgement.gain):
+            notes = (*notes, *_compared(whole), *_beyond(whole), *how)
+            alternatives = _alternatives(beside, models, rivals=True)
+            return Findings(whole, told, own, judgement, alternatives, None, notes, seed).explanation()
+    return None
 
 
 def _alone(recordings: Recordings, models: Models) -> Sequence[Alone]:
