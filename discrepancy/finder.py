@@ -143,17 +143,18 @@ def _followed(every: _Given, values: dict[str, float]) -> _Given | None:
 def _instead(
     every: _Given, models: Models, judgement: Judgement, seed: int, notes: tuple[str, ...]
 ) -> Explanation | None:
-    """Return the explanation by states that follow what was measured, or by terms made at the ports, where that tells
-    more than what was found by the library and simulations from the inputs alone; None where nothing does.
+    """Return the explanation by states that follow what was measured, where nothing was found by simulations from the
+    inputs alone, or by terms made at the ports, where that tells more; None where nothing does.
     """
+    if models.causes:
+        return _constructed(every, models, judgement, seed, notes)
     nearby = _followed(every, models.base.values)
     if nearby is not None:
-        told = _by_following(every, nearby, models, judgement, seed, notes)
+        told = _by_following(every, nearby, models, seed, notes)
         if told is not None:
             return told
-    more = [] if models.causes or nearby is None else [(nearby, (FOLLOWED,))]
-    for given, how in ((every, ()), *more):
-        if _something_left(given, models.withdrawn(), seed):
+    for given, how in ((every, ()), (nearby, (FOLLOWED,))):
+        if given is not None and _something_left(given, models, seed):
             made = _constructed(given, models, judgement, seed, (*notes, *how))
             if made is not None:
                 return made
@@ -178,7 +179,7 @@ def _something_left(given: _Given, models: Models, seed: int) -> bool:
 
 
 def _by_following(
-    every: _Given, nearby: _Given, before: Models, found: Judgement, seed: int, notes: tuple[str, ...]
+    every: _Given, nearby: _Given, before: Models, seed: int, notes: tuple[str, ...]
 ) -> Explanation | None:
     """Return the explanation by effects of the library that predictions from sample to sample tell, judged by the
     simulation itself where that does not run away with them; None where none holds elsewhere.
@@ -190,8 +191,7 @@ def _by_following(
     if not models.causes or _diverges(recordings.held_out, models):
         return None
     values, keys = models.extended.values, models.extended.keys
-    ways = [(every, ())] if before.causes else [(every, ()), (_followed(every, values), (FOLLOWED,))]
-    for given, how in ways:
+    for given, how in ((every, ()), (_followed(every, values), (FOLLOWED,))):
         if given is None:
             continue
         whole = given.recordings()
@@ -200,7 +200,7 @@ def _by_following(
         if _diverges(whole.held_out, own):
             continue
         judgement = judged(whole, own, seed)
-        if _holds(judgement.gain) and _tells_more(judgement, found, before):
+        if _holds(judgement.gain):
             notes = (*notes, *_compared(whole), *_beyond(whole), *how)
             alternatives = _alternatives(beside, models, rivals=True)
             return Findings(whole, told, own, judgement, alternatives, None, notes, seed).explanation()

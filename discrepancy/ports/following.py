@@ -46,8 +46,9 @@ _BETTER = 0.98
 
 def following(simulation: PortedSimulation, values: Values) -> PortedSimulation | None:
     """Return the simulation with states that follow what was measured, by the gain that predicts best at `values` of
-    its own parameters and of its effects; None where none predicts better than the simulation does by itself. Outputs that come late or early are
-    not in its library.
+    its own parameters and of its effects; None where none predicts better than the simulation does by itself.
+
+    Outputs that come late or early are not in its library.
     """
     if not isinstance(simulation.model, Ode):
         return None

@@ -21,7 +21,7 @@ from messages.arrays import BoolArray, FloatArray, IntArray
 _AT_ONCE = 4096
 """Samples of all sets of parameters in a window: fewer leave Python's own cost, more the processor's memory."""
 _WIDEST, _NARROWEST = 2048, 16
-"""Samples of a window: where a wide one does not converge, one a quarter as wide may, and at last a loop over samples."""
+"""Samples of a window: where a wide one does not converge, one a quarter as wide may, at last a loop over samples."""
 _ROUNDS = 16
 """Of Newton's method: it converges sooner, or the window is too wide."""
 _NEAR, _FALLS = 0.01, 0.1

@@ -121,13 +121,16 @@ class Refits:
         return self._fitter.fit({**fit.values, **candidate.start}, keys, steps)
 
     def _led_back(self) -> None:
-        """Where the base model's fit leaves so much that it may have been led astray, see what each started effect makes
-        of its own starting values; the noise is then what the best of them leaves.
+        """Where a base model that moves as much as what is measured leaves as much of it, so that its fit may have been
+        led astray, see what each started effect makes of its own starting values; the noise is then what the best of
+        them leaves.
         """
         problem = self._problem
-        spread = np.nanstd(np.where(problem.valid, problem.measured, np.nan), axis=1)
-        power = (self.base.residual**2 * problem.valid).sum(axis=1) / np.maximum(problem.valid.sum(axis=1), 1)
-        if not problem.base or not np.any(np.sqrt(power) > _ASTRAY * spread):
+        left, moved, spread = (
+            np.nanstd(np.where(problem.valid, each, np.nan), axis=1)
+            for each in (self.base.residual, problem.predicted(problem.start()), problem.measured)
+        )
+        if not problem.base or not np.any((left > _ASTRAY * spread) & (moved > _ASTRAY * spread)):
             return
         rough = unfiltered(self.base.residual, problem.valid)
         started = [each for each in self.candidates if each.offset is not None]
