@@ -68,7 +68,7 @@ class Following:
         """Return states (at least s, k, w), whose outputs are `told` (c, k, w), at w samples from the `first` on."""
         off = self.measured[:, :, first : first + told.shape[2]] - told
         off[~np.isfinite(off)] = 0.0
-        out = states.copy()
+        out: FloatArray = states.copy()
         out[: len(self.gain)] += np.tensordot(self.gain, off, axes=1)
         return out
 

@@ -17,7 +17,7 @@ from discrepancy.search.refits import Refits
 from discrepancy.search.singles import singles
 from discrepancy.simulation import Effect
 from discrepancy.values import predicted
-from tests.bench.ported import MASS_KG, hiding, measuring, sled
+from tests.bench.ported import MASS_KG, MODEL, hiding, measuring, sled
 
 
 def strong(effect: Effect) -> dict[str, float]:
@@ -111,7 +111,7 @@ def test_a_sensor_that_loses_the_sign_is_found_though_the_base_fit_is_led_astray
     without_sign = measuring(whole, {"one_sided_of_speed_mps.share": 2.0}, 5, whole.library)
     only_speed = replace(
         without_sign,
-        model=replace(whole.model, output=(1,)),
+        model=replace(MODEL, output=(1,)),
         channels=replace(
             without_sign.channels, values=without_sign.channels.values[:, 1:], names=without_sign.channels.names[1:]
         ),
