@@ -90,15 +90,15 @@ def test_columns_outside_the_right_image_are_black() -> None:
 @pytest.mark.parametrize("divisor", [1, 2, 4])
 def test_of_a_part_of_the_picture_nothing_is_left_of_the_one_before(divisor: int) -> None:
     chance, rectifier = np.random.default_rng(2), Rectifier(stereo_pair(), divisor)
-    before, now = (chance.integers(0, 256, (2, 720, 1280), dtype=np.uint8) for _ in range(2))
+    before, now = (chance.integers(0, 256, (720, 1280), dtype=np.uint8) for _ in range(2))
     whole = Window(0, rectifier.height_px, 0, rectifier.width_px)
-    expected = rectifier.rectify(*now, whole, 0)
+    expected = rectifier.rectify(now, now, whole, 0)
     for _ in range(20):
         (top, bottom), (left, right) = (
             sorted(chance.choice(size + 1, 2, replace=False).tolist())
             for size in (rectifier.height_px, rectifier.width_px)
         )
-        rectifier.rectify(*before, whole, 0)
-        part = rectifier.rectify(*now, Window(top, bottom, left, right), 0)
+        rectifier.rectify(before, before, whole, 0)
+        part = rectifier.rectify(now, now, Window(top, bottom, left, right), 0)
         for found, all_of_it in zip(part, expected, strict=True):
             np.testing.assert_array_equal(found, all_of_it[top:bottom, left:right])
