@@ -32,11 +32,12 @@ _THIRD_LESS = 0.67
 _MOST_EXCHANGED = 2
 """Causes that are exchanged at the end for a rival that fits better: the search itself has offered each to two."""
 
-
 FOLLOWED = (
     "simulated from the inputs alone the states run away from the recorded ones: all errors are those of predictions "
-    "from sample to sample, with states that follow what was measured"
+    "from sample to sample, with states that follow what was measured; since these states hold its noise, the intervals "
+    "are narrower than they should be"
 )
+"""What is told of a verdict by predictions."""
 Simulations = Simulation | Sequence[Simulation]
 """One system held against one recording, or against several."""
 
