@@ -34,8 +34,8 @@ _MOST_EXCHANGED = 2
 
 FOLLOWED = (
     "simulated from the inputs alone the states run away from the recorded ones: all errors are those of predictions "
-    "from sample to sample, with states that follow what was measured; since these states hold its noise, the intervals "
-    "are narrower than they should be"
+    "from sample to sample, with states that follow what was measured; since these states hold its noise, the "
+    "intervals are narrower than they should be"
 )
 """What is told of a verdict by predictions."""
 Simulations = Simulation | Sequence[Simulation]
