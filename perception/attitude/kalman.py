@@ -328,7 +328,8 @@ class AttitudeKalman:
         square = min(smoothed[0] ** 2 + smoothed[1] ** 2, settings.most_swing_mps**2)
         state.smooth_swing_W = smoothed
         state.mean_square_swing += dt_s / (dt_s + settings.swing_average_s) * (square - state.mean_square_swing)
-        time_s = settings.pace_swing_time_s if state.pace_unknown_s > 0.0 else settings.swing_time_s
+        knows_pace = state.pace_unknown_s <= 0.0 and self.knows_tilt(state, settings.usable_tilt_rad)
+        time_s = settings.swing_time_s if knows_pace else settings.pace_swing_time_s
         return settings.swing_floor_mps_rts**2 + time_s * max(state.mean_square_swing, square)
 
 
