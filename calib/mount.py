@@ -32,6 +32,8 @@ MOST_LAG_STD_S = 1e-3
 _FIRST = (math.radians(3.0), 0.01)
 _SECOND = (math.radians(0.5), 2e-3)
 """By what the camera's angles (rad) and its stamps (s) may be off before each pass, 1 σ, at least."""
+_DISTANCES = 0.01
+"""By what distances may seem wrong meanwhile, 1 σ: angles and stamps that are off make them so."""
 _ACROSS_RAD, _PICTURES_S = math.radians(0.03), 1.5e-4
 """What pictures leave beyond the filter's own deviation, 1 σ: of the camera's turn about the axis across its view, of
 which the odometer errs alike from step to step while walking, and of its stamps. From told walks with the odometer's
@@ -76,6 +78,7 @@ def doubted(known: Calibration, *, first: bool) -> Calibration:
             residual,
             camera_to_imu_rad=max(mount_rad, residual.camera_to_imu_rad if first else 0.0),
             time_s=max(time_s, residual.time_s if first else 0.0),
+            baseline=max(_DISTANCES, residual.baseline_std),
         ),
     )
 
