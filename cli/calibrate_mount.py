@@ -221,7 +221,7 @@ def _tell(made: "Mounted", file: Path) -> None:
     rows.append(["distances too long (not changed)", f"{100 * made.scale:+.2f}", f"± {half_percent:.2f}", "%"])
     table(f"{file}: against what it said before", ["", "value", "95 %", "unit"], rows)
     console.print(
-        "Distances stay as they are: a walk does not tell a wrong baseline from a toe-in. `calibrate stereo` tells them.",
+        "Distances stay as they are: a walk does not tell a wrong baseline from a toe-in; `calibrate stereo` does.",
         soft_wrap=True,
         highlight=False,
     )
