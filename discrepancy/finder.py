@@ -9,11 +9,10 @@ from discrepancy.construct.construction import constructed, ported
 from discrepancy.explanation import Explanation
 from discrepancy.findings import Alternatives, Findings
 from discrepancy.judgement import LEAST_REMOVED, Judgement, Models, beside_alone, judged
-from discrepancy.ports.following import following
 from discrepancy.problem import MOST_LOST, Problem
 from discrepancy.recordings import Recordings
 from discrepancy.search.agreement import Alone, each_alone
-from discrepancy.search.carried import carried, refitted
+from discrepancy.search.carried import carried
 from discrepancy.search.equivalents import better, equivalents
 from discrepancy.search.pruning import intervals_of, kept
 from discrepancy.search.search import Found, Search
@@ -27,17 +26,10 @@ _LEAST_COMPARED = 0.95
 """Of what was measured: where less can be compared, it is told."""
 _BEYOND = 0.1
 """Of what an input spans where it is fitted: what lies further out is not known."""
-_THIRD_LESS = 0.67
-"""Of the held-out error: what other causes must bring it below where those found leave something too."""
 _MOST_EXCHANGED = 2
 """Causes that are exchanged at the end for a rival that fits better: the search itself has offered each to two."""
 
-FOLLOWED = (
-    "simulated from the inputs alone the states run away from the recorded ones: all errors are those of predictions "
-    "from sample to sample, with states that follow what was measured; since these states hold its noise, the "
-    "intervals are narrower than they should be"
-)
-"""What is told of a verdict by predictions."""
+
 Simulations = Simulation | Sequence[Simulation]
 """One system held against one recording, or against several."""
 
@@ -92,10 +84,10 @@ def explain(
     elif judgement.good_enough and not only:
         notes = ("the simulation as it is meets the stated tolerance in every channel",)
         models, judgement = models.withdrawn(), judgement.withdrawn()
-    if not (judgement.good_enough or only or (models.causes and judgement.after.adequate)):
-        instead = _instead(every, models, judgement, seed, notes)
-        if instead is not None:
-            return instead
+    if not (models.causes or judgement.after.adequate or judgement.good_enough or only):
+        found_more = _constructed(every, models, seed, notes)
+        if found_more is not None:
+            return found_more
     notes += (*_compared(recordings), *_beyond(recordings))
     alternatives = _alternatives(search, models, rivals=not only)
     quiet = judgement.after.adequate and not models.causes and not only
@@ -127,87 +119,6 @@ class _Given:
         return Recordings.of(self.fit, self.held_out, self.names)
 
 
-def _followed(every: _Given, values: dict[str, float]) -> _Given | None:
-    """Return all simulations with states that follow what was measured, None where they have no states or follow it by
-    themselves.
-    """
-    wholes, others = ([each for each in map(ported, side) if each is not None] for side in (every.fit, every.held_out))
-    if len(wholes) < len(every.fit) or len(others) < len(every.held_out):
-        return None
-    first = following(wholes[0], values)
-    if first is None:
-        return None
-    rest = [each.like(first) for each in wholes[1:]]
-    return _Given((first, *rest), tuple(each.like(first) for each in others), every.names)
-
-
-def _instead(
-    every: _Given, models: Models, judgement: Judgement, seed: int, notes: tuple[str, ...]
-) -> Explanation | None:
-    """Return the explanation by states that follow what was measured, where nothing was found by simulations from the
-    inputs alone, or by terms made at the ports, where that tells more; None where nothing does.
-    """
-    if models.causes:
-        return _constructed(every, models, judgement, seed, notes)
-    nearby = _followed(every, models.base.values)
-    if nearby is not None:
-        told = _by_following(every, nearby, models, seed, notes)
-        if told is not None:
-            return told
-    for given, how in ((every, ()), (nearby, (FOLLOWED,))):
-        if given is not None and _something_left(given, models, seed):
-            made = _constructed(given, models, judgement, seed, (*notes, *how))
-            if made is not None:
-                return made
-    return None
-
-
-def _tells_more(new: Judgement, old: Judgement, models: Models) -> bool:
-    """Return whether causes judged anew are to be told in place of those found: in place of none, where they hold
-    elsewhere; else where only they leave nothing, or a third less.
-    """
-    if not models.causes:
-        return True
-    after, before = (each.gain.held_out_nrmse_after for each in (new, old))
-    if after is None or before is None:
-        return False
-    return after < _THIRD_LESS * before or (new.after.adequate and after <= before)
-
-
-def _something_left(given: _Given, models: Models, seed: int) -> bool:
-    """Return whether the base model leaves something of a recording that follows from the inputs."""
-    return not judged(given.recordings(), models, seed).after.adequate
-
-
-def _by_following(
-    every: _Given, nearby: _Given, before: Models, seed: int, notes: tuple[str, ...]
-) -> Explanation | None:
-    """Return the explanation by effects of the library that predictions from sample to sample tell, judged by the
-    simulation itself where that does not run away with them; None where none holds elsewhere.
-    """
-    recordings = nearby.recordings()
-    beside = Search(recordings.fit, [effect.name for effect in nearby.fit[0].effects], seed)
-    told = beside.found()
-    models = _kept(recordings, beside, told)
-    if not models.causes or _diverges(recordings.held_out, models):
-        return None
-    values, keys = models.extended.values, models.extended.keys
-    for given, how in ((every, ()), (_followed(every, values), (FOLLOWED,))):
-        if given is None:
-            continue
-        whole = given.recordings()
-        base, best = refitted(whole.fit, before.base.values, ()), refitted(whole.fit, values, keys)
-        own = Models(base, intervals_of(whole.fit, base), best, intervals_of(whole.fit, best), models.causes)
-        if _diverges(whole.held_out, own):
-            continue
-        judgement = judged(whole, own, seed)
-        if _holds(judgement.gain):
-            notes = (*notes, *_compared(whole), *_beyond(whole), *how)
-            alternatives = _alternatives(beside, models, rivals=True)
-            return Findings(whole, told, own, judgement, alternatives, None, notes, seed).explanation()
-    return None
-
-
 def _alone(recordings: Recordings, models: Models) -> Sequence[Alone]:
     """Return what each of several fitted recordings tells by itself."""
     return each_alone(recordings.fit, models.extended) if len(recordings.fit.parts) > 1 else ()
@@ -225,22 +136,20 @@ def _failing(judgement: Judgement) -> str:
     return "those held out: " + ", ".join(each.name for each in judgement.held_out if not _holds(each.gain))
 
 
-def _constructed(
-    every: _Given, models: Models, found: Judgement, seed: int, notes: tuple[str, ...]
-) -> Explanation | None:
+def _constructed(every: _Given, models: Models, seed: int, notes: tuple[str, ...]) -> Explanation | None:
     """Return the explanation by terms made at the simulation's ports, None where none holds elsewhere."""
     made = constructed(every.fit, every.held_out, every.names, models.base.values, seed)
-    if made is None or not _tells_more(made.judgement, found, models):
+    if made is None:
         return None
     recordings, causes = made.recordings, made.models.causes
     as_good, rival = made.alike()
     rise = {cause.effect: made.rise(cause) for cause in causes}
     notes += (*_compared(recordings), *_beyond(recordings))
-    alternatives = Alternatives(rise, as_good, rival)
+    found = Alternatives(rise, as_good, rival)
     alone = _alone(recordings, made.models)
     judgement = beside_alone(made.judgement, alone) if alone else made.judgement
     return Findings(
-        recordings, made.found, made.models, judgement, alternatives, None, notes, seed, made.made, alone
+        recordings, made.found, made.models, judgement, found, None, notes, seed, made.made, alone
     ).explanation()
 
 

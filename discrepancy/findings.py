@@ -6,7 +6,6 @@ from math import isfinite
 
 import numpy as np
 
-from discrepancy.construct.construction import ported
 from discrepancy.construct.formula import told
 from discrepancy.construct.terms import MadeTerm
 from discrepancy.evidence.gain import told as told_gain
@@ -22,9 +21,6 @@ from discrepancy.search.scores import PENALTY, probability, threshold
 from discrepancy.search.search import Found
 from discrepancy.search.smallest import Smallest
 from discrepancy.verdict import Cause, Kind, Quantity, RecordingTold, Remainder, Verdict, number, quantity
-
-_UNEXPLAINED = 0.5
-"""Of what a channel varies by: what is left above that, on the recording held out, is not taken for noise unseen."""
 
 
 @dataclass(frozen=True)
@@ -112,30 +108,13 @@ class Findings:
         """Return in words why a recording in which nothing was found does not tell that nothing is there."""
         if self.judgement.good_enough:
             return []
-        doubts = [*self.judgement.after.doubts, *self._unexplained()]
+        doubts = list(self.judgement.after.doubts)
         if self.smallest is not None and not self.smallest.telling:
             doubts.append(
                 f"{100.0 * self.smallest.unseen:.0f} % of the effects could be there unseen, however large, beside the "
                 "noise as it looks"
             )
         return doubts
-
-    def _unexplained(self) -> list[str]:
-        """Return in words in which channels a model with ports leaves most of what was measured, with nothing to tell
-        that it is noise.
-        """
-        out = []
-        for each in self.judgement.held_out:
-            problem = each.problem
-            if problem.noise is not None or ported(problem.simulation) is None:
-                continue
-            spread = np.nanstd(np.where(problem.valid, problem.measured, np.nan), axis=1)
-            power = (each.residual_after**2 * problem.valid).sum(axis=1) / np.maximum(problem.valid.sum(axis=1), 1)
-            share = np.sqrt(power) / np.maximum(spread, np.finfo(float).tiny)
-            if share.max() > _UNEXPLAINED:
-                channel = problem.channels.names[int(np.argmax(share))]
-                out.append(f"{channel}: the simulation is off by {100.0 * share.max():.0f} % of what is measured")
-        return out
 
     def _seen_above(self) -> dict[str, Quantity]:
         """Return from which size on each parameter would have been seen."""

@@ -1,7 +1,7 @@
 """The terms that act in a batch of k sets of parameters: which sets each acts in, and what it is given there."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -26,17 +26,6 @@ class PortActing:
     values: Arrays
     own: slice
 
-    def taking(self, rows: IntArray, k: int) -> "PortActing | None":
-        """Return the term as it acts in some `rows` of k sets, None where it acts in none of them."""
-        place = np.full(k, -1)
-        place[rows] = np.arange(len(rows))
-        there = place[self.where]
-        kept = np.flatnonzero(there >= 0)
-        if not len(kept):
-            return None
-        values = {name: value[kept] for name, value in self.values.items()}
-        return PortActing(self.term, _where(there[kept].tolist()), values, self.own)
-
 
 @dataclass(frozen=True)
 class SignalActing:
@@ -56,29 +45,10 @@ class Named(dict[str, FloatArray]):
 
 
 @dataclass(frozen=True)
-class Following:
-    """What keeps k sets of states by what was `measured`, (c, k, n), NaN where nothing was: they move by `gain` (s, c)
-    times what is measured beyond what they tell.
-    """
-
-    gain: FloatArray
-    measured: FloatArray
-
-    def corrected(self, states: FloatArray, told: FloatArray, first: int) -> FloatArray:
-        """Return states (at least s, k, w), whose outputs are `told` (c, k, w), at w samples from the `first` on."""
-        off = self.measured[:, :, first : first + told.shape[2]] - told
-        off[~np.isfinite(off)] = 0.0
-        out: FloatArray = states.copy()
-        out[: len(self.gain)] += np.tensordot(self.gain, off, axes=1)
-        return out
-
-
-@dataclass(frozen=True)
 class Batch:
     """What k predictions side by side are made from: samples `step_s` apart, inputs (i, k, n) and parameters (k,).
 
-    `at_ports` are the terms that act, with `memory` states of their own together. `following` keeps the states by what
-    was measured; without it they go their own way from the first sample on.
+    `at_ports` are the terms that act, with `memory` states of their own together.
     """
 
     step_s: float
@@ -87,23 +57,11 @@ class Batch:
     ports: tuple[Port, ...]
     at_ports: tuple[PortActing, ...]
     memory: int
-    following: Following | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
         """Return k and n."""
         return self.inputs.shape[1], self.inputs.shape[2]
-
-    def taking(self, rows: IntArray) -> "Batch":
-        """Return what some of the predictions, in their order, are made from."""
-        if len(rows) == self.shape[0]:
-            return self
-        values = Named({name: value[rows] for name, value in self.values.items()})
-        acting = tuple(each for term in self.at_ports if (each := term.taking(rows, self.shape[0])) is not None)
-        following = (
-            None if self.following is None else replace(self.following, measured=self.following.measured[:, rows])
-        )
-        return replace(self, inputs=self.inputs[:, rows], values=values, at_ports=acting, following=following)
 
     @property
     def whole_values(self) -> Named:

@@ -18,8 +18,6 @@ from messages.arrays import FloatArray
 
 _LIMITS = (0.7, 0.9, 0.98)
 """Of the way from the middle to a signal's end: where a fit of a limit begins."""
-_ONE_SIDED = (1.0, 2.0)
-"""Shares that are lost below zero: all in a rectifier with one diode, and the sign in one with four."""
 _MOST_STEPS = 0.25
 """Of a channel's samples: with more values than that it is not rounded coarsely."""
 _LINES = 3
@@ -58,10 +56,6 @@ def amplitude(side: Side, place: int, names: tuple[str, ...], spans: dict[str, S
             out[:, i] = now
         return out
 
-    def one_sided(signals: Rows, _channels: Channels, p: Arrays) -> FloatArray:
-        x = np.asarray(signals[place])
-        return np.asarray(x - p["share"] * np.minimum(x, 0.0))
-
     def dead_band(signals: Rows, _channels: Channels, p: Arrays) -> FloatArray:
         x = signals[place]
         return x - np.clip(x, -p["half_width"], p["half_width"])
@@ -99,15 +93,6 @@ def amplitude(side: Side, place: int, names: tuple[str, ...], spans: dict[str, S
             "It has play: after each reversal it stands still before it follows. The whole width is told.",
             "Tighten gear, coupling or mounting.",
             "Go slowly up and down: play leaves a loop whose width does not depend on speed.",
-        ),
-        term(
-            "one_sided",
-            one_sided,
-            (Parameter("share", "1", 0.0, -1.0, 2.5, SHARE),),
-            "Below zero it has another scale: a share of 1 is lost there as in a diode, of 2 the sign.",
-            "Model it with a scale for either side, or choose a sensor or an amplifier that knows the sign.",
-            _STATIC,
-            starts=({}, *({"share": share} for share in _ONE_SIDED)),
         ),
         _saturation(side, place, channel, span),
     ]

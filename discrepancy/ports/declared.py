@@ -90,16 +90,12 @@ class PortTerm:
 
 @dataclass(frozen=True)
 class SignalTerm:
-    """An effect on the whole of one input (`side` input) or of one output, `channel` by its name.
-
-    One that `looks_ahead` may take the signal from later samples.
-    """
+    """An effect on the whole of one input (`side` input) or of one output, `channel` by its name."""
 
     side: Side
     channel: str
     effect: Effect
     formula: SignalFormula
-    looks_ahead: bool = False
 
 
 Term = PortTerm | SignalTerm

@@ -143,11 +143,9 @@ def _inertia(span: PortSpan, place: int, speed: Span, step_s: float) -> PortTerm
 
 
 def _hysteresis(span: PortSpan, place: int) -> list[PortTerm]:
-    """Return a hysteretic force, −F z with Bouc's and Wen's z (n = 1, β = ½; Wen 1976):
+    """Return a hysteretic force, −F z with Bouc's and Wen's z (n = 1, β = γ = ½; Wen 1976):
 
-    ż = (v − ½ |v| z − γ v |z|) / x₀                                                                               (2)
-
-    With γ = ½ it yields at F; with less it goes on rising, with −½ at the rate at which it began.
+    ż = (v − ½ |v| z − ½ v |z|) / x₀                                                                               (2)
     """
     at = span.port.place("position")
     if at is None:
@@ -156,7 +154,7 @@ def _hysteresis(span: PortSpan, place: int) -> list[PortTerm]:
 
     def hysteresis(signals: Rows, own: Rows, p: Arrays) -> tuple[FloatArray, Rows]:
         v, z = signals[place], own[0]
-        return -p["value"] * z, ((v - 0.5 * np.abs(v) * z - p["yields"] * v * np.abs(z)) / p["within"],)
+        return -p["value"] * z, ((v - 0.5 * (np.abs(v) * z + v * np.abs(z))) / p["within"],)
 
     unit = span.port.signals[at].unit
     return [
@@ -167,12 +165,10 @@ def _hysteresis(span: PortSpan, place: int) -> list[PortTerm]:
             (
                 half("value", span.port.unit, span.size),
                 Parameter("within", unit, _YIELDS[0] * travel, 0.02 * travel, 2.0 * travel, 0.01 * travel),
-                Parameter("yields", "1", 0.5, -2.0, 2.0, 0.02),
             ),
             "A force is missing that builds up with displacement and then yields: loading and unloading differ.",
             "Add a hysteretic (Bouc-Wen) element, or replace the part that creeps (rubber, cable, joint).",
             "Cycle slowly with several amplitudes: the loop of force over position does not depend on speed.",
-            choices=(("value", "within"), ("value", "within", "yields")),
             starts=tuple({"within": share * travel} for share in _YIELDS),
             memory=1,
         )

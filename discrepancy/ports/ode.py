@@ -14,7 +14,7 @@ import numpy as np
 
 from discrepancy.ports.acting import Batch, OpenActs, PortActs
 from discrepancy.ports.declared import Act, Arrays, Rows
-from discrepancy.ports.marching import Step, march
+from discrepancy.ports.marching import march
 from messages.arrays import FloatArray
 
 Equation = Callable[[Rows, Rows, Arrays, Act], Sequence[FloatArray]]
@@ -42,21 +42,14 @@ class Ode:
 
     def outputs(self, batch: Batch) -> list[FloatArray]:
         """Return the outputs, each (k, n) or what broadcasts to it."""
-        return self.told(batch, *self.integrated(batch))
-
-    def told(self, batch: Batch, states: FloatArray, own: FloatArray) -> list[FloatArray]:
-        """Return the outputs of states (s, k, n), and of those of the terms."""
-        with np.errstate(all="ignore"):
-            return self._told(states, batch.inputs, batch.whole_values, PortActs(batch, batch.shape), own)
-
-    def _told(
-        self, states: FloatArray, inputs: FloatArray, values: Arrays, acts: PortActs, own: FloatArray
-    ) -> list[FloatArray]:
-        """Return the outputs of states (s, k, n)."""
+        states, own = self.integrated(batch)
         if not callable(self.output):
             return [states[place] for place in self.output]
-        acts.own, output = own, self.output
-        return list(acts.asked(lambda: output(tuple(states), tuple(inputs), values, acts)))
+        acts = PortActs(batch, batch.shape)
+        acts.own = own
+        with np.errstate(all="ignore"):
+            output, values = self.output, batch.whole_values
+            return list(acts.asked(lambda: output(tuple(states), tuple(batch.inputs), values, acts)))
 
     def traced(self, batch: Batch) -> Callable[[Act], FloatArray]:
         """Return what gives the states' rates (s, n) along the first set's trajectory, for anything at the ports."""
@@ -81,16 +74,6 @@ class Ode:
             act = PortActs(batch, (k, 1))
             act.own, act.begins = x[s:], True
             act.asked(lambda: self.derivative(x[:s], batch.inputs[:, :, :1], values, act))
-        with np.errstate(all="ignore"):
-            path = march(lambda rows: self.step(batch.taking(rows), s), x[:, :, 0], n)
-        return path[:s], path[s:]
-
-    def step(self, batch: Batch, s: int) -> Step:
-        """Return what takes the `s` states and those of the terms one sample further, by the states' own measured
-        outputs first where these are followed.
-        """
-        k, _ = batch.shape
-        values = batch.whole_values
         acts: dict[int, PortActs] = {}
         h = batch.step_s / self.steps
 
@@ -99,10 +82,6 @@ class Ode:
             if w not in acts:
                 acts[w] = PortActs(batch, (k, w))
             act = acts[w]
-            u = batch.inputs[:, :, first : first + w]
-            if batch.following is not None:
-                told = np.stack([np.broadcast_to(row, (k, w)) for row in self._told(x[:s], u, values, act, x[s:])])
-                x = batch.following.corrected(x, told, first)
 
             def rates(x: FloatArray, u: FloatArray) -> FloatArray:
                 out = np.zeros_like(x)
@@ -111,13 +90,16 @@ class Ode:
                     out[row] = rate
                 return out
 
+            u = batch.inputs[:, :, first : first + w]
             slope = 0.0 if self.held else (batch.inputs[:, :, first + 1 : first + w + 1] - u) / self.steps
             for _ in range(self.steps):
                 x = runge_kutta(rates, x, u, slope, h)
                 u = u + slope
             return x
 
-        return step
+        with np.errstate(all="ignore"):
+            path = march(step, x[:, :, 0], n)
+        return path[:s], path[s:]
 
 
 def runge_kutta(

@@ -48,12 +48,11 @@ def on_signal(
     *,
     choices: tuple[tuple[str, ...], ...] = (),
     starts: tuple[Values, ...] = (),
-    looks_ahead: bool = False,
 ) -> SignalTerm:
     """Return a term on a whole input or output."""
     told = _told(f"{channel} ({'measured' if side == 'output' else 'input'})", explanation)
     effect = Effect(f"{name}_of_{channel}", parameters, told, remedy, experiment, choices, starts)
-    return SignalTerm(side, channel, effect, formula, looks_ahead)
+    return SignalTerm(side, channel, effect, formula)
 
 
 def _told(where: str, explanation: str) -> str:

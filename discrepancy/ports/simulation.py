@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from discrepancy.ports.acting import Batch, Following, Named, at_ports, on_signals
+from discrepancy.ports.acting import Batch, Named, at_ports, on_signals
 from discrepancy.ports.declared import Port, Term
 from discrepancy.ports.generic import generic_terms
 from discrepancy.ports.ode import Ode, Whole
@@ -21,8 +21,7 @@ own, since their states are carried along in every set."""
 @dataclass(frozen=True)
 class PortedSimulation:
     """A `Simulation` made of a model with ports; `terms` are what may be missing at them and on its signals, by
-    default all of the generic library that have the signals they need. With a `gain` (states, channels) each sample is
-    predicted from those before it: the states follow what was measured (`discrepancy.ports.following`).
+    default all of the generic library that have the signals they need.
 
     Raises UserError where the model diverges from its own starting values, or does not use a port that it declares.
     """
@@ -33,7 +32,6 @@ class PortedSimulation:
     ports: tuple[Port, ...] = ()
     parameters: tuple[Parameter, ...] = ()
     terms: tuple[Term, ...] | None = None
-    gain: FloatArray | None = None
 
     @cached_property
     def library(self) -> tuple[Term, ...]:
@@ -51,10 +49,7 @@ class PortedSimulation:
 
     def like(self, fitted: Simulation) -> "PortedSimulation":
         """Return the simulation with the library of the `fitted` one, whose sizes and constants its recording told."""
-        if not isinstance(fitted, PortedSimulation):
-            return self
-        channels = replace(self.channels, shared_noise=fitted.channels.shared_noise)
-        return replace(self, channels=channels, terms=fitted.library, gain=fitted.gain)
+        return self.with_terms(fitted.library) if isinstance(fitted, PortedSimulation) else self
 
     def predicted(self, values: Values) -> FloatArray:
         """Return what should have been measured, (n, c)."""
@@ -75,30 +70,19 @@ class PortedSimulation:
                 out[part] = self._side_by_side([sets[k] for k in part])
         return out
 
-    def batch(self, sets: Sequence[Values], more: FloatArray | None = None) -> Batch:
-        """Return what predictions from these `sets` are made from, side by side; of what is measured `more` (c, k, n)
-        than the states tell, where these follow it.
-        """
+    def batch(self, sets: Sequence[Values]) -> Batch:
+        """Return what predictions from these `sets` are made from, side by side."""
         inputs = self._changed("input", self.channels.input_names, list(self.channels.inputs.T), sets)
         found, memory = at_ports(self.library, sets)
         values = Named({p.name: np.array([each.get(p.name, p.neutral) for each in sets]) for p in self.parameters})
-        following = None
-        if self.gain is not None:
-            measured = np.repeat(self.channels.values.T[:, None], len(sets), axis=1)
-            following = Following(self.gain, measured if more is None else measured - more)
-        return Batch(1.0 / self.channels.rate_hz, inputs, values, self.ports, found, memory, following)
+        return Batch(1.0 / self.channels.rate_hz, inputs, values, self.ports, found, memory)
 
     def _side_by_side(self, sets: Sequence[Values]) -> FloatArray:
         k, n, c = len(sets), len(self.channels.t_s), len(self.channels.names)
         outputs = self.model.outputs(self.batch(sets))
         if len(outputs) != c:
             raise ValueError(f"{self.system}: the model returned {len(outputs)} outputs; expected {c}")
-        told = self._changed("output", self.channels.names, outputs, sets)
-        if self.gain is not None and on_signals(self.library, "output", sets):
-            more = told - np.stack([np.broadcast_to(row, (k, n)) for row in outputs])
-            outputs = self.model.outputs(self.batch(sets, more))
-            told = self._changed("output", self.channels.names, outputs, sets)
-        return np.moveaxis(told.reshape(c, k, n), 0, 2)
+        return np.moveaxis(self._changed("output", self.channels.names, outputs, sets).reshape(c, k, n), 0, 2)
 
     def _changed(
         self, side: str, names: Sequence[str], rows: Sequence[FloatArray], sets: Sequence[Values]

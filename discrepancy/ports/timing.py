@@ -67,7 +67,6 @@ def timing(side: Side, place: int, names: tuple[str, ...], span: Span, whole: Sp
             "Subtract the delay from its stamps, or model it.",
             _STEPWISE,
             starts=({}, *({"value": k * step_s} for k in _SHIFTS)) if whole.jumps and step_s < longest else (),
-            looks_ahead=True,
         ),
         term(
             "lag",
@@ -88,7 +87,6 @@ def timing(side: Side, place: int, names: tuple[str, ...], span: Span, whole: Sp
                 "Its clock runs slow against that of the inputs: it is the later the longer the recording.",
                 "Stamp both with one clock.",
                 "Give the same blow at the beginning and at the end, and compare their times.",
-                looks_ahead=True,
             ),
             term(
                 "aliasing",

@@ -178,7 +178,7 @@ class Fitter:
         scaled = gram / np.outer(size, size)
         scaled[np.diag_indices(len(size))] += damping + _RIDGE
         delta = np.zeros(len(keys))
-        free = size * (high - low) > np.sqrt(_GAIN_ENOUGH)  # less is rounding: a pitch changes nothing of no cogging
+        free = np.ones(len(keys), bool)
         for _ in range(len(keys)):
             if not free.any():
                 break

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from discrepancy.evidence.whitening import White, unfiltered
+from discrepancy.evidence.whitening import White
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate, library, noise_beneath
 from discrepancy.search.fit import MOST_STEPS, Fit, Fitter, base_fit, columns_of
@@ -20,10 +20,6 @@ _OTHER_COLOUR = 0.01
 """Nats of log likelihood per sample by which the noise that a fit leaves must differ to be whitened by anew."""
 _BASE_STEPS, _RECOLOURED_STEPS = 3, 4
 """Steps of a fit that begins where it converged under another whitening."""
-_ASTRAY = 0.5
-"""Of what a channel varies by: where a fit leaves more, it tells little of the base model's own parameters."""
-_MOST_LED_BACK = 8
-"""Effects that are fitted from the base model's own starting values there."""
 _UNDONE = 0.65
 """Of what either of two effects changes: where they change less together, one undoes the other."""
 _OF_GAIN = 0.005
@@ -94,8 +90,6 @@ class Refits:
         base = replace(base, residual=problem.residual(base.values))
         self._use(noise_beneath(problem, base.residual, self.library.columns))
         self.base = self._fitter.fit(base.values, (), steps=_BASE_STEPS) if problem.base else self.rated(base)
-        self.begun: dict[int, dict[str, float]] = {}
-        self._led_back()
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -119,41 +113,6 @@ class Refits:
         """Return the fit with a candidate more."""
         keys = tuple(dict.fromkeys((*fit.keys, *candidate.keys)))
         return self._fitter.fit({**fit.values, **candidate.start}, keys, steps)
-
-    def _led_back(self) -> None:
-        """Where a base model that moves as much as what is measured leaves as much of it, so that its fit may have been
-        led astray, see what each started effect makes of its own starting values; the noise is then what the best of
-        them leaves.
-        """
-        problem = self._problem
-        left, moved, spread = (
-            np.nanstd(np.where(problem.valid, each, np.nan), axis=1)
-            for each in (self.base.residual, problem.predicted(problem.start()), problem.measured)
-        )
-        if not problem.base or not np.any((left > _ASTRAY * spread) & (moved > _ASTRAY * spread)):
-            return
-        rough = unfiltered(self.base.residual, problem.valid)
-        started = [each for each in self.candidates if each.offset is not None]
-        sets = [{**problem.start(), **each.start} for each in started]
-        begun = [float(np.sum(rough(problem.difference(each)) ** 2)) for each in problem.predicted_many(sets)]
-        leading: dict[str, int] = {}
-        for k in np.argsort(begun):
-            leading.setdefault(started[int(k)].effect, int(k))
-        chosen = list(leading.values())[:_MOST_LED_BACK]
-        fitter = Fitter(problem, rough, self.base_columns, fresh=True)
-        fits = fitter.fit_each([(sets[k], started[k].keys) for k in chosen])
-        told = sorted((self._surprise(fit), k) for k, fit in zip(chosen, fits, strict=True) if np.isfinite(fit.chi2))
-        if not told or told[0][0] + PENALTY * len(started[told[0][1]].keys) > self._surprise(self.base):
-            return
-        self.begun = {id(started[k]): fit.values for k, fit in zip(chosen, fits, strict=True)}
-        best = fits[chosen.index(told[0][1])]
-        self._use(problem.whitening(best.residual))
-        self.base = self._fitter.fit(self.base.values, ())
-
-    def _surprise(self, fit: Fit) -> float:
-        """Return −2 log likelihood of a fit under the noise that it leaves itself."""
-        own = self._problem.whitening(fit.residual)
-        return own.log_det + float(np.sum(own(fit.residual) ** 2))
 
     def without(self, best: Fit, cause: Candidate) -> Fit:
         """Return the fit without one cause."""

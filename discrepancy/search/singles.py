@@ -68,19 +68,13 @@ def _refitted(refits: Refits, worth: FloatArray) -> dict[int, Fit]:
     candidates = refits.candidates
     base = refits.rated(refits.base).chi2
     order = [int(index) for index in np.argsort(-worth)]
-    fits: dict[int, Fit] = {
-        index: refits.fitted(refits.begun[id(each)], each.keys, FIRST_STEPS)
-        for index, each in enumerate(candidates)
-        if id(each) in refits.begun
-    }
-    reached = max([base - fit.chi2 - price(fit.keys) for fit in fits.values()], default=0.0)
+    fits: dict[int, Fit] = {}
+    reached = 0.0
     for started in (False, True):
         counts: dict[str, int] = {}
         tried = 0
         for index in order:
             each = candidates[index]
-            if index in fits:
-                continue
             if (each.offset is not None) != started or counts.get(each.effect, 0) >= _MOST_OF_AN_EFFECT:
                 continue
             enough = sum(counts.values()) >= _MOST_EFFECTS or tried >= _MOST_STARTED

@@ -28,12 +28,8 @@ _STICK = 0.01
 NOISE_SHARE: Final = 2e-3
 """Of a reading's deviation: its noise."""
 CLEAN: Final = "clean"
-MORE: Final = "more"
-"""Among constants: a force, torque or flow that is worked out elsewhere."""
 
 State = tuple[float, ...]
-Hidden = Callable[[State, float], Mapping[str, float]]
-"""From states and input: the constants of what is hidden, or what it is there."""
 Rates = Callable[[State, float, Mapping[str, float]], State]
 
 
@@ -50,11 +46,7 @@ class Recorded:
 
 
 @dataclass(frozen=True)
-class System:
-    """A system: how often and how long it is recorded, its input's band, mean and RMS, where it starts, the rates of
-    its states, what is read of them (n, s), and what may be hidden in it.
-    """
-
+class _System:
     rate_hz: float
     seconds: float
     band_hz: tuple[float, float]
@@ -66,20 +58,19 @@ class System:
     sizes: Mapping[str, Mapping[str, float]]  # by what is hidden: its constants
 
 
-def sign(v: float) -> float:
-    """Return the sign of a velocity, smoothed."""
+def _sign(v: float) -> float:
     return math.tanh(v / _STICK)
 
 
 def _pendulum(x: State, u: float, c: Mapping[str, float]) -> State:
     q, w = x
-    f = c.get("cogging", 0.0) * math.sin(8.0 * q) + c.get("drag", 0.0) * abs(w) * w + c.get(MORE, 0.0)
+    f = c.get("cogging", 0.0) * math.sin(8.0 * q) + c.get("drag", 0.0) * abs(w) * w
     return w, (u - 0.08 * w - 1.2 * math.sin(q) - f) / 0.05
 
 
 def _motor(x: State, u: float, c: Mapping[str, float]) -> State:
     (w,) = x
-    f = (c.get("coulomb", 0.0) + c.get("stribeck", 0.0) * math.exp(-((w / c.get("over", 1.0)) ** 2))) * sign(w)
+    f = (c.get("coulomb", 0.0) + c.get("stribeck", 0.0) * math.exp(-((w / c.get("over", 1.0)) ** 2))) * _sign(w)
     return ((u - 0.02 * w - f) / 0.01,)
 
 
@@ -87,7 +78,6 @@ def _car(x: State, u: float, c: Mapping[str, float]) -> State:
     body, rate, wheel, wheel_rate = x
     travel, gap = body - wheel, c.get("gap", 1.0)
     f = c.get("dead_band", 0.0) * (travel - min(max(travel, -gap), gap)) + c.get("cubic", 0.0) * travel**3
-    f += c.get(MORE, 0.0)
     force = 16000.0 * travel + 1200.0 * (rate - wheel_rate) + f
     return rate, -force / 300.0, wheel_rate, (force - 160000.0 * (wheel - u)) / 40.0
 
@@ -95,39 +85,39 @@ def _car(x: State, u: float, c: Mapping[str, float]) -> State:
 def _tanks(x: State, u: float, c: Mapping[str, float]) -> State:
     upper, lower = max(x[0], 0.0), max(x[1], 0.0)
     passed = 0.05 * math.sqrt(upper)
-    f = c.get("overflow", 0.0) * max(upper - c.get("rim", 0.0), 0.0) + c.get(MORE, 0.0)
+    f = c.get("overflow", 0.0) * max(upper - c.get("rim", 0.0), 0.0)
     return max(u, 0.0) - passed - f, passed - 0.045 * math.sqrt(lower)
 
 
-AMBIENT_K = 293.0
+_AMBIENT_K = 293.0
 
 
 def _heater(x: State, u: float, c: Mapping[str, float]) -> State:
     (t,) = x
-    f = c.get("radiation", 0.0) * (t**4 - AMBIENT_K**4) + c.get(MORE, 0.0)
-    return ((u - 0.05 * (t - AMBIENT_K) - f) / 8.0,)
+    f = c.get("radiation", 0.0) * (t**4 - _AMBIENT_K**4)
+    return ((u - 0.05 * (t - _AMBIENT_K) - f) / 8.0,)
 
 
-SYSTEMS: Final[Mapping[str, System]] = {
-    "pendulum": System(
+SYSTEMS: Final[Mapping[str, _System]] = {
+    "pendulum": _System(
         50.0, 24.0, (0.15, 2.5), 0.0, 0.35, (0.0, 0.0), _pendulum, lambda x: x[:, :1],
         {"cogging": {"cogging": 0.08}, "drag": {"drag": 0.012}},
     ),
-    "motor": System(
+    "motor": _System(
         50.0, 24.0, (0.1, 2.0), 0.0, 0.12, (0.0,), _motor, lambda x: x,
         {"stribeck": {"coulomb": 0.03, "stribeck": 0.03, "over": 0.6}},
     ),
-    "quarter_car": System(
+    "quarter_car": _System(
         200.0, 6.0, (0.3, 8.0), 0.0, 0.02, (0.0, 0.0, 0.0, 0.0), _car,
         lambda x: np.column_stack((x[:, 0], x[:, 0] - x[:, 2])),
         {"dead_band": {"dead_band": 30000.0, "gap": 0.012}, "cubic": {"cubic": 3e7}},
     ),
-    "two_tanks": System(
+    "two_tanks": _System(
         1.0, 1200.0, (0.0008, 0.02), 0.055, 0.025, (1.0, 1.0), _tanks, lambda x: x,
         {"overflow": {"overflow": 0.05, "rim": 1.6}},
     ),
-    "heater": System(
-        1.0, 1200.0, (0.0008, 0.02), 9.0, 4.5, (AMBIENT_K,), _heater, lambda x: x,
+    "heater": _System(
+        1.0, 1200.0, (0.0008, 0.02), 9.0, 4.5, (_AMBIENT_K,), _heater, lambda x: x,
         {"radiation": {"radiation": 5e-10}},
     ),
 }  # fmt: skip
@@ -138,50 +128,31 @@ def drawn(system: str, hidden: str, seed: int, *, seconds: float | None = None) 
     motion asks for.
     """
     told = SYSTEMS[system]
-    return recorded(told, seed, lambda _x, _u: told.sizes.get(hidden, {}), seconds=seconds)
-
-
-def recorded(
-    told: System,
-    seed: int,
-    hidden: Hidden,
-    *,
-    seconds: float | None = None,
-    strength: float = 1.0,
-    std: FloatArray | None = None,
-) -> Recorded:
-    """Return a recording of a system in which something `hidden` acts, its input `strength` times as strong, its noise
-    of the deviation `std` (c,).
-    """
     rng = np.random.default_rng(seed)
     n = round((seconds or told.seconds) * told.rate_hz)
     t_s = np.arange(n) / told.rate_hz
     f_hz = rng.uniform(*told.band_hz, _LINES)
     u = np.sin(2.0 * np.pi * np.outer(t_s, f_hz) + rng.uniform(0.0, 2.0 * np.pi, _LINES)).sum(axis=1)
-    u = told.mean + strength * told.rms * u / u.std()
+    u = told.mean + told.rms * u / u.std()
     if told.mean:
         u = np.maximum(u, 0.0)
-    true = told.readings(_path(told, u, hidden))
-    std = NOISE_SHARE * true.std(axis=0) if std is None else std
+    true = told.readings(_path(told, u, told.sizes.get(hidden, {})))
+    std = NOISE_SHARE * true.std(axis=0)
     return Recorded(t_s, u, true + std * rng.normal(size=true.shape), std)
 
 
-def _path(system: System, u: FloatArray, hidden: Hidden) -> FloatArray:
+def _path(system: _System, u: FloatArray, constants: Mapping[str, float]) -> FloatArray:
     """Return the states (n, s)."""
     h = 1.0 / system.rate_hz / _STEPS
-    x = system.start
-
-    def f(x: State, u: float) -> State:
-        return system.rates(x, u, hidden(x, u))
-
+    f, x = system.rates, system.start
     out = np.empty((len(u), len(x)))
     for k, held in enumerate(u.tolist()):
         out[k] = x
         for _ in range(_STEPS):
-            k1 = f(x, held)
-            k2 = f(_moved(x, k1, 0.5 * h), held)
-            k3 = f(_moved(x, k2, 0.5 * h), held)
-            k4 = f(_moved(x, k3, h), held)
+            k1 = f(x, held, constants)
+            k2 = f(_moved(x, k1, 0.5 * h), held, constants)
+            k3 = f(_moved(x, k2, 0.5 * h), held, constants)
+            k4 = f(_moved(x, k3, h), held, constants)
             x = tuple(a + h / 6.0 * (b + 2.0 * (c + d) + e) for a, b, c, d, e in zip(x, k1, k2, k3, k4, strict=True))
     return out
 

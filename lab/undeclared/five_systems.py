@@ -26,12 +26,6 @@ def _motor(state: Rows, inputs: Rows, values: Arrays, act: Act) -> Rates:
     return ((torque - values["damping"] * speed + act("shaft", speed, torque)) / values["inertia"],)
 
 
-def _geared(state: Rows, inputs: Rows, values: Arrays, act: Act) -> Rates:
-    (angle, speed), (torque,) = state, inputs
-    moment = torque - values["damping"] * speed + act("shaft", angle, speed, torque)
-    return speed, moment / values["inertia"]
-
-
 def _car(state: Rows, inputs: Rows, values: Arrays, act: Act) -> Rates:
     (body, rate, wheel, wheel_rate), (road,) = state, inputs
     travel, closing = body - wheel, rate - wheel_rate
@@ -81,19 +75,6 @@ _MODELS = {
             Parameter("damping", "N·m·s", 0.03, 0.0, 0.5, 1e-5),
         ),
         ("speed_radps",), "torque_nm",
-    ),
-    "geared_motor": (
-        Ode(lambda _values: (0.0, 0.0), _geared, lambda x, _u, _values, _act: (x[0], x[1]), steps=2),
-        (
-            Port("shaft", "N·m", "the shaft", (
-                Signal("angle", "rad", _POSITION), Signal("speed", "rad/s", _VELOCITY), Signal("torque", "N·m", _INPUT),
-            )),
-        ),
-        (
-            Parameter("inertia", "kg·m²", 0.011, 0.001, 0.1, 1e-5),
-            Parameter("damping", "N·m·s", 0.03, 0.0, 0.5, 1e-5),
-        ),
-        ("angle_rad", "speed_radps"), "torque_nm",
     ),
     "quarter_car": (
         Ode(lambda _values: (0.0, 0.0, 0.0, 0.0), _car, lambda x, _u, _values, _act: (x[0], x[0] - x[2])),

@@ -1,7 +1,5 @@
 """The generic library: neutral is nothing, every effect does something, and a hidden one is found again."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,13 +9,10 @@ from discrepancy.ports.friction import friction
 from discrepancy.ports.ranges import PortSpan, Span
 from discrepancy.ports.restoring import restoring
 from discrepancy.ports.timing import lost
-from discrepancy.problem import Problem
 from discrepancy.restricted import without
-from discrepancy.search.refits import Refits
-from discrepancy.search.singles import singles
 from discrepancy.simulation import Effect
 from discrepancy.values import predicted
-from tests.bench.ported import MASS_KG, MODEL, hiding, measuring, sled
+from tests.bench.ported import hiding, measuring, sled
 
 
 def strong(effect: Effect) -> dict[str, float]:
@@ -103,29 +98,6 @@ def test_hidden_coulomb_friction_is_named_with_its_size() -> None:
     assert size.low is not None
     assert size.high is not None
     assert size.low <= 0.3 <= size.high
-
-
-def test_a_sensor_that_loses_the_sign_is_found_though_the_base_fit_is_led_astray() -> None:
-    plain = sled(5)
-    whole = replace(plain, terms=tuple(each for each in plain.library if each.effect.name.startswith("one_sided")))
-    without_sign = measuring(whole, {"one_sided_of_speed_mps.share": 2.0}, 5, whole.library)
-    only_speed = replace(
-        without_sign,
-        model=replace(MODEL, output=(1,)),
-        channels=replace(
-            without_sign.channels, values=without_sign.channels.values[:, 1:], names=without_sign.channels.names[1:]
-        ),
-        terms=None,
-    )
-    again = replace(
-        only_speed, terms=tuple(each for each in only_speed.library if each.effect.name.startswith("one_sided"))
-    )
-    refits = Refits(Problem(again), [effect.name for effect in again.effects])
-    (best, *_) = singles(refits, refits.products(refits.base))
-    assert best.candidate.effect == "one_sided_of_speed_mps"
-    assert best.fit is not None
-    assert abs(best.fit.values["one_sided_of_speed_mps.share"] - 2.0) < 0.02
-    assert abs(best.fit.values["mass_kg"] - MASS_KG) < 0.02
 
 
 @pytest.mark.long
