@@ -4,6 +4,7 @@ import itertools
 import json
 import time
 from collections import Counter, deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -152,23 +153,13 @@ class Listener:
 
     def _take_can(self, t_ns: int, prompt: bool, received: ReceivedGround) -> None:
         """Judge a ground of CAN, which does not tell its place, by the place that the same one tells on Zenoh."""
-        truth = self._truth_beside(received.t_exposure_ns)
+        same = heard_at(self.grounds, received.t_exposure_ns)
+        truth = self._wearer.truth(received.t_exposure_ns) if same is None else same.truth
         numbers = (received.slope_sagittal_rad, received.slope_frontal_rad, received.height_m)
         deviations = (received.slope_sagittal_sd_rad, received.slope_frontal_sd_rad, received.height_sd_m)
         errors = ground_errors(numbers, deviations, truth) if prompt else _NOTHING_OFF
         self.on_can.append(HeardOnCan(t_ns, errors))
         self.wrong += Wrong(can=errors.wrong)
-
-    def _truth_beside(self, t_exposure_ns: int) -> GroundTruth:
-        """Return the truth of the ground of Zenoh that was exposed then; of the fixed place where there is none."""
-
-        def apart_ns(heard: Heard) -> int:
-            return abs(heard.ground.t_exposure_ns - t_exposure_ns)
-
-        nearest = min(itertools.islice(reversed(self.grounds), _LAST), key=apart_ns, default=None)
-        if nearest is None or apart_ns(nearest) > _AS_ONE_NS:
-            return self._wearer.truth(t_exposure_ns)
-        return nearest.truth
 
     def _take_attitude(self, t_ns: int, attitude: Attitude) -> None:
         valid = attitude.status is Status.VALID
@@ -177,6 +168,16 @@ class Listener:
         )
         self.wrong += Wrong(attitudes=wrong)
         self.attitudes.append(HeardAttitude(t_ns, valid, wrong, attitude.reason))
+
+
+def heard_at(grounds: Sequence[Heard], t_exposure_ns: int) -> Heard | None:
+    """Return that of the last `grounds` whose exposure is nearest to this one; None where all are of other frames."""
+
+    def apart_ns(heard: Heard) -> int:
+        return abs(heard.ground.t_exposure_ns - t_exposure_ns)
+
+    nearest = min(itertools.islice(reversed(grounds), _LAST), key=apart_ns, default=None)
+    return None if nearest is None or apart_ns(nearest) > _AS_ONE_NS else nearest
 
 
 def _flat(health: dict[str, object]) -> list[tuple[str, int]]:

@@ -69,9 +69,11 @@ def _compared(left: Float32Array, right: Float32Array) -> tuple[BoolArray, Float
 
 
 _OFF_PX = 1.5
+"""From the plane: a disparity within that is the ground's as it is."""
 _LEAST_OFF = 0.005
-_ABOUT = (7, 7)
-_ALONG = (15, 1)
+"""Of the patch's pixels: fewer are no tiles, and not asked about."""
+_ABOUT, _ALONG = (7, 7), (15, 1)
+"""Columns and rows, px: of the sums about a pixel, and of the mean along the row."""
 _ALIKE = 0.8
 """Of 45,000 pixels off the ground's plane on stairs and a kerb one in 1,000, or less, was alike on it; of checkered
 tiles 93 % and more, as far as the picture resolves them."""
