@@ -3,7 +3,9 @@
 How long an example takes is no property: a busy machine is slow.
 """
 
+import os
 import secrets
+import tempfile
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -19,3 +21,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         default=secrets.randbits(62),
         help="draw the hidden effects of an earlier run again, from the seed that it printed",
     )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let services of this process meet in a directory of its own: those of tests in another are none of its business.
+
+    Below the usual one for such files, because pytest's own paths are too long for sockets.
+    """
+    meeting = tempfile.TemporaryDirectory(prefix="gaiteyes-")
+    os.environ["XDG_RUNTIME_DIR"] = meeting.name
+    config.add_cleanup(meeting.cleanup)

@@ -17,6 +17,7 @@ def own_directory(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     with tempfile.TemporaryDirectory(prefix="gaiteyes-") as folder:  # pytest's own paths are too long for sockets
         monkeypatch.setattr(local_socket, "SERVICE_DIRECTORY", Path(folder) / "none")
         monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
+        monkeypatch.setenv("HOME", folder)
         yield
 
 

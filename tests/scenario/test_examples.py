@@ -25,6 +25,8 @@ from tests.bench.heard_example import EXAMPLES, heard
 from tests.bench.slcan_hub import served_hub
 from tests.bench.zenoh_peer import free_endpoint
 
+pytestmark = pytest.mark.realtime
+
 GROUP = "239.74.163.78"
 LONGEST_LINES = 30
 
@@ -70,8 +72,7 @@ def old(t_exposure_ns: int) -> GroundPlane:
     return measured(t_exposure_ns - 100_000_000)
 
 
-# python-can's multicast hears all groups of this machine: nothing else may be on one meanwhile
-@pytest.fixture(params=[CanInterface.SLCAN, pytest.param(CanInterface.UDP_MULTICAST, marks=pytest.mark.realtime)])
+@pytest.fixture(params=[CanInterface.SLCAN, CanInterface.UDP_MULTICAST])
 def can_settings(request: pytest.FixtureRequest) -> Iterator[CanSettings]:
     if request.param is CanInterface.SLCAN:
         with served_hub() as hub:

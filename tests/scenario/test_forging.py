@@ -26,7 +26,7 @@ from messages import GroundPlane, Source
 from tests.bench.can_samples import calibration, ground
 from tests.bench.zenoh_peer import arrival, free_endpoint
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.realtime, pytest.mark.long]
 
 DEVICE = "unit-1"
 KINDS = ("bytes", "library")

@@ -16,7 +16,7 @@ from calib.files import save_calibration
 from sim_rig.unit import draw_unit
 from tests.bench.zenoh_peer import free_endpoint, taken
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.realtime, pytest.mark.long]
 
 HANGING_CAMERA = """
 import sys, threading

@@ -30,6 +30,8 @@ from sim_rig.unit import draw_unit
 from sim_rig.walk.scenario import scenario
 from tests.bench.quiet_devices import GreyCamera, QuietImu
 
+pytestmark = pytest.mark.realtime
+
 BUS = CanSettings(interface=CanInterface.UDP_MULTICAST, channel="239.74.163.79")
 MASS_KG = 75.0
 
@@ -44,7 +46,6 @@ def link() -> Iterator[CanLink]:
         yield opened
 
 
-@pytest.mark.realtime
 def test_each_hears_the_other_on_a_bus_that_loses_delays_and_babbles(link: CanLink) -> None:
     publisher = CanPublisher(link)
     service = Service(
@@ -81,7 +82,6 @@ def test_a_walk_or_a_bus_that_it_cannot_have_is_refused_in_one_line() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.realtime
 def test_the_demo_tells_what_its_prosthesis_did(tmp_path: Path) -> None:
     file, zenoh = tmp_path / "facts.json", f"{SOCKET}{tmp_path / 'z.sock'}"
     command = ["demo", "--prosthesis", "--seconds", "6", "--zenoh", zenoh, "--can", BUS.name, "--json", str(file)]
