@@ -51,7 +51,7 @@ test-realtime: $(INSTALLED)
 test-hidden: $(INSTALLED)
 	$(ONE_THREAD) $(PYTEST) -m hidden tests/hidden $(ARGS)
 
-# The numerical tests with the linear algebra of other processors, and with one and two threads.
+# The numerical tests with the linear algebra of other processors, on two threads; the other tiers use this one's, on one.
 test-processors: $(INSTALLED)
 	$(BIN)/python -m tests.processors $(ARGS)
 

@@ -53,12 +53,14 @@ ROWS = (
 
 
 class Found(msgspec.Struct, frozen=True, kw_only=True):
-    """Of one unit: seconds from the fault to the first reason, None for none; the reason; a reason before the fault;
-    and the share by which distances are wrong after the correction, what the calibration leaves included."""
+    """Of one unit: seconds from the fault to the first reason, None for none; the reason; what was told before the
+    fault, reasons with the seconds from the first to the last of each; the share by which distances are wrong by the
+    calibration alone, and after the correction with what the calibration leaves."""
 
     after_s: float | None
     reason: str
-    false_alarm: bool
+    false_alarms: dict[str, tuple[float, float]]
+    calibration_scale: float
     scale_left: float
 
 
@@ -84,16 +86,27 @@ def of_one_unit(task: tuple[int, int, OdometerNoise]) -> Found:
     steps = faulty(told_steps(wearer, row.seconds, noise, seed), row, chance)
     fault_ns = START_NS + round(1e9 * (_SLIP_AT_S if row.slip_rad > 0.0 else 0.0))
     fault_ns = fault_ns if row.slip_rad > 0.0 or row.scale != 0.0 else 2**62
-    false_alarm = False
+    calibration_scale = depth_error(wearer.unit, wearer.calibration)
+    false_alarms: dict[str, tuple[float, float]] = {}
     for attitude in attitudes(track, wearer.offline_samples(row.seconds), steps):
         reason = track.contradiction
-        if reason is not Reason.NONE and attitude.t_sample_ns > fault_ns:
+        if reason is Reason.NONE:
+            continue
+        if attitude.t_sample_ns > fault_ns:
             after_s = 1e-9 * (attitude.t_sample_ns - fault_ns)
-            return Found(after_s=after_s, reason=reason.value, false_alarm=false_alarm, scale_left=np.nan)
-        false_alarm = false_alarm or reason is not Reason.NONE
-    too_long = (1.0 + row.scale) * (1.0 + depth_error(wearer.unit, wearer.calibration))
-    left = too_long / (1.0 + track.distance_scale) - 1.0
-    return Found(after_s=None, reason="", false_alarm=false_alarm, scale_left=left)
+            return Found(
+                after_s=after_s,
+                reason=reason.value,
+                false_alarms=false_alarms,
+                calibration_scale=calibration_scale,
+                scale_left=np.nan,
+            )
+        at_s = 1e-9 * (attitude.t_sample_ns - START_NS)
+        false_alarms[reason.value] = (false_alarms.get(reason.value, (at_s, at_s))[0], at_s)
+    left = (1.0 + row.scale) * (1.0 + calibration_scale) / (1.0 + track.distance_scale) - 1.0
+    return Found(
+        after_s=None, reason="", false_alarms=false_alarms, calibration_scale=calibration_scale, scale_left=left
+    )
 
 
 def main() -> None:
@@ -113,10 +126,18 @@ def main() -> None:
             ", ".join(sorted({unit.reason for unit in units if unit.reason})),
             str(np.count_nonzero(np.abs(left_mm) <= _MOST_LEFT_MM)),
             f"{rms(left_mm):.1f}" if len(left_mm) else "",
-            str(sum(unit.false_alarm for unit in units)),
+            str(sum(bool(unit.false_alarms) for unit in units)),
             f"{len(units) * row.seconds / 3600.0:.2f}",
         )
-    Console(width=150).print(table)
+    console = Console(width=150)
+    console.print(table)
+    for row_name, units in ((row.name, units) for row, units in found.items()):
+        for seed, unit in zip(options.seeds, units, strict=True):
+            for reason, (first_s, last_s) in unit.false_alarms.items():
+                console.print(
+                    f"{row_name}, unit {seed}: {reason} from {first_s:.1f} to {last_s:.1f} s; "
+                    f"its calibration's distances are {100.0 * unit.calibration_scale:+.2f} % off"
+                )
     if options.json is not None:
         write_json(options.json, {row.name: units for row, units in found.items()})
 

@@ -23,9 +23,12 @@ class ServiceError(Exception):
 
 
 def _one_line(text: str) -> str:
-    if len(text) > LONGEST_LINE:
-        text = f"{text[: 2 * LONGEST_LINE // 3]} … {text[-LONGEST_LINE // 4 :]}"
-    return text if text.isprintable() else "".join(map(_printable, text))
+    text = _cut(text)  # of a file all of which was quoted, no more is escaped than may be kept
+    return text if text.isprintable() else _cut("".join(map(_printable, text)))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST_LINE else f"{text[: 2 * LONGEST_LINE // 3]} … {text[-LONGEST_LINE // 4 :]}"
 
 
 def _printable(character: str) -> str:

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from typing import Final
 
-SETTINGS: Final = (("Haswell", 1), ("SkylakeX", 2), ("Zen", 2))
+SETTINGS: Final = (("Haswell", 2), ("SkylakeX", 2))
 """A kernel and a number of threads each."""
 
 PLACES: Final = (

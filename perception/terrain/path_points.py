@@ -72,13 +72,13 @@ def find_points(
     found = []
     for view, strides in _views(camera, R_HC, height_m, path):
         patch = camera.find_in_view(images, view)
-        if patch is not None and nearness_H is not None:
+        if patch is None:
+            continue
+        patch = patch.every(*strides)
+        if nearness_H is not None:
             theta_C = camera.f_px * camera.baseline_m * R_HC.T @ nearness_H
             patch = camera.laid_on_plane(images, patch, theta_C)
-        if patch is not None:
-            found.append(
-                _points(camera, patch.every(*strides), R_HC, w_HC_C_radps, height_rate_mps / height_m, strides)
-            )
+        found.append(_points(camera, patch, R_HC, w_HC_C_radps, height_rate_mps / height_m, strides))
     points = PathPoints(*(np.concatenate(each) for each in zip(*found, strict=True))) if found else _NO_POINTS
     return points.where(
         (np.abs(points.y_m) < path.half_width_m) & (points.x_m > path.nearest_m) & (points.x_m < path.farthest_m)

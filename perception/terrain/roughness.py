@@ -14,6 +14,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from itertools import pairwise
+from statistics import median
 
 import numpy as np
 
@@ -35,7 +36,7 @@ class Roughness:
         told_m2 = [each for each in self._variances_m2 if math.isfinite(each)]
         if 2 * len(told_m2) <= len(self._variances_m2):
             return 0.0
-        return math.sqrt(max(0.0, float(np.median(told_m2))))
+        return math.sqrt(max(0.0, median(told_m2)))
 
     def add(self, points: PathPoints, profile: Profile, surfaces: Sequence[Surface], yaw_rad: float) -> None:
         """Take a frame's `points`, their `profile` along u = x + y tan(yaw) and the surfaces found in it."""

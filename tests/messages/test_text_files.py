@@ -30,8 +30,9 @@ def test_a_deeply_nested_configuration_refuses_a_reload() -> None:
         parse_configuration("camera = " + "[" * 500 + "]" * 500, "gaiteyes.toml")
 
 
-def test_an_error_is_one_short_printable_line_that_keeps_both_ends() -> None:
-    line = str(UserError("unit.yaml: a\nb\x1b[31m " + "x" * 5000 + ", allowed 1 to 2"))
+@pytest.mark.parametrize("quoted", ["x" * 5000, "\0" * 300, "\N{LINE SEPARATOR}" * 5000])
+def test_an_error_is_one_short_printable_line_that_keeps_both_ends(quoted: str) -> None:
+    line = str(UserError(f"unit.yaml: a\nb\x1b[31m x{quoted}x, allowed 1 to 2"))
     assert line.isprintable()
     assert len(line) <= LONGEST_LINE
     assert line.startswith(r"unit.yaml: a\nb\x1b[31m x")
