@@ -31,3 +31,9 @@ def pytest_configure(config: pytest.Config) -> None:
     meeting = tempfile.TemporaryDirectory(prefix="gaiteyes-")
     os.environ["XDG_RUNTIME_DIR"] = meeting.name
     config.add_cleanup(meeting.cleanup)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that hold long tests, so that none of them is still running when all else has ended."""
+    long = {item.path for item in items if item.get_closest_marker("long")}
+    items.sort(key=lambda item: item.path not in long)
