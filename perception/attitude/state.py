@@ -30,8 +30,8 @@ class CameraStepSettings:
     odometer_scale: float = 0.0008
     odometer_noise_mps: float = 0.006
     # Beyond so many standard deviations of calibration and odometer together distances are wrong, until within so many
-    # again; what is within is corrected. The fewer, the smaller the errors that are told, and the more sound units, one in
-    # 370, are refused.
+    # again; what is within is corrected. The fewer, the smaller the errors that are told, and the more sound units are
+    # refused, one in 370 here.
     wrong_scale_sigmas: float = 3.0
     right_scale_sigmas: float = 2.0
     # What samples lose of an acceleration, as a part of its second derivative: to the accelerometer's filter, two poles
