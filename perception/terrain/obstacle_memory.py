@@ -20,8 +20,10 @@ from perception.terrain.way import Way
 class ObstacleSettings:
     """An obstacle is told once `confirmed` frames saw it, and either `way_m` were walked or `standing_s` went by.
 
-    It must have been seen beyond `from_ahead_m`, where own feet never are. It is forgotten once `missed` frames that
-    should have seen it did not, or one if it moves, `behind_m` behind, or unseen for `unseen_s`.
+    Three frames of five, and `confirmed` but one, must have seen it within `steady_m` of where it was to be: what
+    matches by chance, as on tiles or faint texture, is seen here and there. It must have been seen beyond
+    `from_ahead_m`, where own feet never are. It is forgotten once `missed` frames that should have seen it did not, or
+    one if it moves, `behind_m` behind, or unseen for `unseen_s`.
     What is seen within `same_m` of where it was is the same; of two within `one_m` one is told.
     """
 
@@ -33,6 +35,7 @@ class ObstacleSettings:
     behind_m: float = 0.30
     unseen_s: float = 3.0
     same_m: float = 0.20
+    steady_m: float = 0.08
     one_m: float = 0.30
     most: int = 12
 
@@ -41,19 +44,21 @@ class ObstacleSettings:
 class _Known:
     """One thing: in W (2,) where it was first seen and last, and the mean of that; where the wearer was at first.
 
-    `last_H_m` (2,) is where it was seen last, relative to the wearer of then.
+    `last_H_m` (2,) is where it was seen last, relative to the wearer of then; `v_W_mps` (2,) how it moved then.
     """
 
     first_W_m: FloatArray
     last_W_m: FloatArray
     last_H_m: FloatArray
     mean_W_m: FloatArray
+    v_W_mps: FloatArray
     height_m: float
     wearer_W_m: FloatArray
     first_ns: int
     newest_ns: int
     farthest_m: float
     seen: int = 1
+    steady: int = 0
     missed: int = 0
     moves: bool = False
 
@@ -88,6 +93,8 @@ class ObstacleMemory:
             if near:
                 nearest = min(near, key=lambda each: _apart_m(each, expected_H, known.last_H_m))
                 unmatched.remove(nearest)
+                going_on_H = expected_H + self._since_s(known) * R_WH.T @ known.v_W_mps
+                known.steady += _apart_m(nearest, expected_H, known.last_H_m, going_on_H) < self._settings.steady_m
                 self._fuse(known, nearest, R_WH)
             elif _IN_VIEW_M[0] < expected_H[0] < _IN_VIEW_M[1] and abs(expected_H[1]) < _IN_VIEW_HALF_M:
                 known.missed += 1
@@ -110,6 +117,7 @@ class ObstacleMemory:
             at_W_m,
             at_H_m,
             at_W_m,
+            np.zeros(2),
             seen.height_m,
             self._way.p_W_m,
             self._way.t_ns,
@@ -126,7 +134,12 @@ class ObstacleMemory:
         known.mean_W_m = known.mean_W_m + (1.0 if known.moves else gain) * off_W_m
         known.height_m += gain * (seen.height_m - known.height_m)
         known.farthest_m = max(known.farthest_m, seen.distance_m)
+        known.v_W_mps = (now.last_W_m - known.last_W_m) / self._since_s(known)
         known.last_W_m, known.last_H_m, known.newest_ns, known.missed = now.last_W_m, now.last_H_m, now.first_ns, 0
+
+    def _since_s(self, known: _Known) -> float:
+        assert self._way.t_ns is not None
+        return 1e-9 * (self._way.t_ns - known.newest_ns)
 
     def _is_told(self, known: _Known) -> bool:
         assert self._way.t_ns is not None
@@ -136,7 +149,8 @@ class ObstacleMemory:
         walked = square_m2 > limits.way_m**2
         along = float((known.last_W_m - known.first_W_m) @ way) / square_m2 if walked else 0.0
         return (
-            known.seen >= limits.confirmed
+            known.steady >= limits.confirmed - 1
+            and 5 * known.steady >= 3 * known.seen
             and known.farthest_m > limits.from_ahead_m
             and (walked or 1e-9 * (self._way.t_ns - known.first_ns) > limits.standing_s)
             and along < _CARRIED
@@ -146,11 +160,9 @@ class ObstacleMemory:
         limits = self._settings
 
         def stays(known: _Known) -> bool:
-            assert self._way.t_ns is not None
             ahead_m = float((R_WH.T @ (known.mean_W_m - self._way.p_W_m))[0])
-            unseen_s = 1e-9 * (self._way.t_ns - known.newest_ns)
             missed = limits.missed if not known.moves else 1
-            return known.missed < missed and ahead_m > -limits.behind_m and unseen_s < limits.unseen_s
+            return known.missed < missed and ahead_m > -limits.behind_m and self._since_s(known) < limits.unseen_s
 
         self._known = [known for known in self._known if stays(known)][-limits.most :]
 

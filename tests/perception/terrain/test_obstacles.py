@@ -102,6 +102,19 @@ def test_what_stands_is_told_after_a_few_frames_and_until_it_is_behind() -> None
     assert told[39] == []
 
 
+def test_what_matches_here_and_there_is_hardly_ever_told() -> None:
+    chance, told = np.random.default_rng(0), 0
+    for _ in range(20):
+        about = chance.uniform(-0.14, 0.14, (30, 2))
+        told += sum(map(len, walked([Obstacle(2.2 - 0.06 * k + x, y, 0.3) for k, (x, y) in enumerate(about)])))
+    assert told < 0.1 * 20 * 30
+
+
+def test_who_comes_towards_the_wearer_at_the_pace_of_a_runner_is_told() -> None:
+    told = walked([Obstacle(2.6 - (1.2 + 2.5) / 20.0 * k, 0.1, 0.5) for k in range(14)])
+    assert all(told[6:])
+
+
 def test_what_moves_with_the_wearer_is_not_told() -> None:
     assert not any(walked([Obstacle(0.95, 0.2, 0.4)] * 40))
 
