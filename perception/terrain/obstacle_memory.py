@@ -20,7 +20,7 @@ from perception.terrain.way import Way
 class ObstacleSettings:
     """An obstacle is told once `confirmed` frames saw it, and either `way_m` were walked or `standing_s` went by.
 
-    Three frames of five, and `confirmed` but one, must have seen it within `steady_m` of where it was to be: what
+    A share of the frames, and `confirmed` but one, must have seen it within `steady_m` of where it was to be: what
     matches by chance, as on tiles or faint texture, is seen here and there. It must have been seen beyond
     `from_ahead_m`, where own feet never are. It is forgotten once `missed` frames that should have seen it did not, or
     one if it moves, `behind_m` behind, or unseen for `unseen_s`.
@@ -36,6 +36,7 @@ class ObstacleSettings:
     unseen_s: float = 3.0
     same_m: float = 0.20
     steady_m: float = 0.08
+    steady_share: float = 0.6
     one_m: float = 0.30
     most: int = 12
 
@@ -150,7 +151,7 @@ class ObstacleMemory:
         along = float((known.last_W_m - known.first_W_m) @ way) / square_m2 if walked else 0.0
         return (
             known.steady >= limits.confirmed - 1
-            and 5 * known.steady >= 3 * known.seen
+            and known.steady >= limits.steady_share * known.seen
             and known.farthest_m > limits.from_ahead_m
             and (walked or 1e-9 * (self._way.t_ns - known.first_ns) > limits.standing_s)
             and along < _CARRIED
