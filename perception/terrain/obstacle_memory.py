@@ -20,8 +20,8 @@ from perception.terrain.way import Way
 class ObstacleSettings:
     """An obstacle is told once `confirmed` frames saw it, and either `way_m` were walked or `standing_s` went by.
 
-    `steady_share` of the frames, and `confirmed` but one, must have seen it within `steady_m` of where it was to be: what
-    matches by chance, as on tiles or faint texture, is seen here and there. It must have been seen beyond
+    `steady_share` of the frames, and `confirmed` but one, must have seen it within `steady_m` of where it was to be:
+    what matches by chance, as on tiles or faint texture, is seen here and there. It must have been seen beyond
     `from_ahead_m`, where own feet never are. It is forgotten once `missed` frames that should have seen it did not, or
     one if it moves, `behind_m` behind, or unseen for `unseen_s`.
     What is seen within `same_m` of where it was is the same; of two within `one_m` one is told.
