@@ -51,7 +51,8 @@ def main(arguments: list[str]) -> int:
             tests = [sys.executable, "-m", "pytest", *PLACES, *_BESIDE, *arguments]
             if subprocess.run(tests, env=environment).returncode:
                 failed.append(asked)
-    print(f"failed: {'; '.join(failed)}" if failed else f"passed under {len(ran)} of {len(SETTINGS)} settings", flush=True)
+    passed = f"passed under {len(ran)} of {len(SETTINGS)} settings"
+    print(f"failed: {'; '.join(failed)}" if failed else passed, flush=True)
     return 1 if failed or not ran else 0
 
 
