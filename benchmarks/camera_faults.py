@@ -87,25 +87,23 @@ def of_one_unit(task: tuple[int, int, OdometerNoise]) -> Found:
     fault_ns = START_NS + round(1e9 * (_SLIP_AT_S if row.slip_rad > 0.0 else 0.0))
     fault_ns = fault_ns if row.slip_rad > 0.0 or row.scale != 0.0 else 2**62
     calibration_scale = depth_error(wearer.unit, wearer.calibration)
-    false_alarms: dict[str, tuple[float, float]] = {}
+    found_s, found, false_alarms = None, Reason.NONE, dict[str, tuple[float, float]]()
     for attitude in attitudes(track, wearer.offline_samples(row.seconds), steps):
-        reason = track.contradiction
-        if reason is Reason.NONE:
+        if track.contradiction is Reason.NONE:
             continue
         if attitude.t_sample_ns > fault_ns:
-            after_s = 1e-9 * (attitude.t_sample_ns - fault_ns)
-            return Found(
-                after_s=after_s,
-                reason=reason.value,
-                false_alarms=false_alarms,
-                calibration_scale=calibration_scale,
-                scale_left=np.nan,
-            )
+            found_s, found = 1e-9 * (attitude.t_sample_ns - fault_ns), track.contradiction
+            break
         at_s = 1e-9 * (attitude.t_sample_ns - START_NS)
-        false_alarms[reason.value] = (false_alarms.get(reason.value, (at_s, at_s))[0], at_s)
+        first_s, _ = false_alarms.get(track.contradiction.value, (at_s, at_s))
+        false_alarms[track.contradiction.value] = (first_s, at_s)
     left = (1.0 + row.scale) * (1.0 + calibration_scale) / (1.0 + track.distance_scale) - 1.0
     return Found(
-        after_s=None, reason="", false_alarms=false_alarms, calibration_scale=calibration_scale, scale_left=left
+        after_s=found_s,
+        reason="" if found is Reason.NONE else found.value,
+        false_alarms=false_alarms,
+        calibration_scale=calibration_scale,
+        scale_left=left if found_s is None else np.nan,
     )
 
 
@@ -131,11 +129,11 @@ def main() -> None:
         )
     console = Console(width=150)
     console.print(table)
-    for row_name, units in ((row.name, units) for row, units in found.items()):
+    for row, units in found.items():
         for seed, unit in zip(options.seeds, units, strict=True):
             for reason, (first_s, last_s) in unit.false_alarms.items():
                 console.print(
-                    f"{row_name}, unit {seed}: {reason} from {first_s:.1f} to {last_s:.1f} s; "
+                    f"{row.name}, unit {seed}: {reason} from {first_s:.1f} to {last_s:.1f} s; "
                     f"its calibration's distances are {100.0 * unit.calibration_scale:+.2f} % off"
                 )
     if options.json is not None:

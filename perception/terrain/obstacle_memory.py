@@ -1,8 +1,8 @@
 """The obstacles of the last seconds, fixed in W while the wearer walks past them.
 
-Told is what several frames saw, what came from ahead, and what does not move with the wearer: own feet appear near, a
-trolley or a cane stays where it is relative to the wearer. So does who walks ahead at the same pace, and is not in the
-way.
+Told is what several frames saw where it was expected, what came from ahead, and what does not move with the wearer: own
+feet appear near, a trolley or a cane stays where it is relative to the wearer. So does who walks ahead at the same
+pace, and is not in the way.
 """
 
 import math
@@ -20,8 +20,8 @@ from perception.terrain.way import Way
 class ObstacleSettings:
     """An obstacle is told once `confirmed` frames saw it, and either `way_m` were walked or `standing_s` went by.
 
-    `steady_share` of the frames, and `confirmed` but one, must have seen it within `steady_m` of where it was to be:
-    what matches by chance, as on tiles or faint texture, is seen here and there. It must have been seen beyond
+    In `steady_share` of the frames that saw it, and in `confirmed` but one, it was within `steady_m` of where it was
+    expected: chance matches, as on tiles or faint texture, jump from frame to frame. It must have been seen beyond
     `from_ahead_m`, where own feet never are. It is forgotten once `missed` frames that should have seen it did not, or
     one if it moves, `behind_m` behind, or unseen for `unseen_s`.
     What is seen within `same_m` of where it was is the same; of two within `one_m` one is told.
@@ -45,7 +45,8 @@ class ObstacleSettings:
 class _Known:
     """One thing: in W (2,) where it was first seen and last, and the mean of that; where the wearer was at first.
 
-    `last_H_m` (2,) is where it was seen last, relative to the wearer of then; `v_W_mps` (2,) how it moved then.
+    `last_H_m` (2,) is where it was seen last, relative to the wearer of then, and
+    `v_W_mps` (2,) its velocity then; `steady` counts the frames that saw it where it was expected.
     """
 
     first_W_m: FloatArray
@@ -94,8 +95,8 @@ class ObstacleMemory:
             if near:
                 nearest = min(near, key=lambda each: _apart_m(each, expected_H, known.last_H_m))
                 unmatched.remove(nearest)
-                going_on_H = expected_H + self._since_s(known) * R_WH.T @ known.v_W_mps
-                known.steady += _apart_m(nearest, expected_H, known.last_H_m, going_on_H) < self._settings.steady_m
+                predicted_H = expected_H + self._since_s(known) * R_WH.T @ known.v_W_mps
+                known.steady += _apart_m(nearest, expected_H, known.last_H_m, predicted_H) < self._settings.steady_m
                 self._fuse(known, nearest, R_WH)
             elif _IN_VIEW_M[0] < expected_H[0] < _IN_VIEW_M[1] and abs(expected_H[1]) < _IN_VIEW_HALF_M:
                 known.missed += 1

@@ -102,7 +102,7 @@ def test_what_stands_is_told_after_a_few_frames_and_until_it_is_behind() -> None
     assert told[39] == []
 
 
-def test_what_matches_here_and_there_is_hardly_ever_told() -> None:
+def test_matches_that_jump_from_frame_to_frame_are_hardly_ever_told() -> None:
     chance, told = np.random.default_rng(0), 0
     for _ in range(20):
         about = chance.uniform(-0.14, 0.14, (30, 2))
@@ -110,7 +110,7 @@ def test_what_matches_here_and_there_is_hardly_ever_told() -> None:
     assert told < 0.1 * 20 * 30
 
 
-def test_who_comes_towards_the_wearer_at_the_pace_of_a_runner_is_told() -> None:
+def test_a_runner_who_comes_towards_the_wearer_is_told() -> None:
     told = walked([Obstacle(2.6 - (1.2 + 2.5) / 20.0 * k, 0.1, 0.5) for k in range(14)])
     assert all(told[6:])
 
