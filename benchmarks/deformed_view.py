@@ -6,7 +6,8 @@ The whole pipeline, faster than real time, on units of the rig with the calibrat
 walks on level ground, on ramps or over mixed ground, and all cases of a seed see the same walk. The fault begins after
 3.5 to 4.5 s, or before the first frame where the case ends in "-first", and stays. Wrong is what `lab.faults.criteria`
 calls so. A warp's number is its size in px of the raw picture; those of `rows-` have no vertical part, those of `thin-`
-have 0.3 px of it; `stretched-` grows evenly with the column. Pictures turn over as they are, or, `aligned-`, about the
+have 0.3 px of it; `stretched-` grows evenly with the column. `toed-` and `rolled-` turn one eye by so many degrees:
+about the upright axis of its picture, or the optical one. Pictures turn over as they are, or, `aligned-`, about the
 rectified picture's centre, with nothing left between the eyes' rows. One line of JSON is added to F for each finished
 trial; those there are not repeated.
 The false alarms of the case `none` are runs of frames with the reason `view_deformed`, a second apart or more.
@@ -36,7 +37,7 @@ from lab.faults.offline import (
     pictures,
     struck,
 )
-from messages import GroundPlane, StereoCalibration
+from messages import Attitude, GroundPlane, StereoCalibration
 
 APART_NS = 1_000_000_000
 WARPS = (
@@ -47,7 +48,8 @@ WARPS = (
 OTHERS = ("half-covered", "blur-5", "blur-9", "blur-15", "dirt", "mirrored", "upside-down", "turned-round")
 ALIGNED = ("aligned-mirrored", "aligned-upside-down", "aligned-turned-round")
 STRETCHED = ("stretched-1", "stretched-2")
-CASES = ("none", *WARPS, *OTHERS, *ALIGNED, *STRETCHED)
+TURNED = tuple(f"{kind}{when}" for kind in ("toed-0.2", "toed-0.4", "toed-1", "rolled-0.5") for when in ("", "-first"))
+CASES = ("none", *WARPS, *OTHERS, *ALIGNED, *STRETCHED, *TURNED)
 
 
 class Trial(Judged, kw_only=True):
@@ -89,6 +91,8 @@ def tried(trial: Trial, walk: OfflineWalk) -> Trial:
     alarmed_ns = 0
     for message in struck(walk.inputs, strikes):
         for ground in pipeline.step(message):
+            if isinstance(ground, Attitude) and ground.t_sample_ns >= onset_ns:
+                trial.add_attitude(ground, wearer)
             if not isinstance(ground, GroundPlane) or ground.frame_seq < 0:
                 continue
             t_ns = ground.t_exposure_ns
@@ -103,7 +107,8 @@ def tried(trial: Trial, walk: OfflineWalk) -> Trial:
 def table(trials: Sequence[Trial]) -> None:
     """Print one line for each case."""
     print(
-        f"{'':21} trials wrong  frames wrong  valid   noticed  after s  worst, its sd  alarms  h    not valid because"
+        f"{'':21} trials wrong  frames wrong  valid   noticed  after s  worst, its sd  attitudes wrong, worst"
+        "  alarms  h    not valid because"
     )
     for case in dict.fromkeys(trial.case for trial in trials):
         of_case = [trial for trial in trials if trial.case == case]
@@ -117,7 +122,9 @@ def table(trials: Sequence[Trial]) -> None:
         print(
             f"{case:21}{len(wrong):4} of {len(of_case):<4}{sum(t.wrong for t in wrong):8}"
             f"{sum(t.valid for t in of_case) / max(1, frames):12.1%}{len(times):7} {np.median(times or [np.nan]):8.2f}"
-            f"{worst.worst_deg:9.1f}° {worst.stated_deg:4.1f}°{sum(t.alarms for t in of_case):8}"
+            f"{worst.worst_deg:9.1f}° {worst.stated_deg:4.1f}°"
+            f"{sum(t.wrong_attitudes for t in of_case):9} of {sum(t.attitudes for t in of_case):<7}"
+            f"{max(t.worst_tilt_deg for t in of_case):6.1f}°{sum(t.alarms for t in of_case):6}"
             f"{sum(t.seconds for t in of_case) / 3600.0:6.2f}  "
             + ", ".join(f"{reason} {count}" for reason, count in reasons.most_common(5))
         )

@@ -25,7 +25,6 @@ import numpy as np
 from scipy.stats import beta
 
 from daemon.pipeline import Pipeline
-from lab.faults.criteria import WRONG_TILT_RAD, is_wrong_attitude, tilt_error_rad
 from lab.faults.message_faults import CAMERA_KINDS, IMU_KINDS, KINDS, OUT_OF_ORDER
 from lab.faults.offline import (
     FOR_EVER_NS,
@@ -41,7 +40,7 @@ from lab.faults.offline import (
     own_time_ns,
     struck,
 )
-from messages import Attitude, GroundPlane, Status
+from messages import Attitude, GroundPlane
 
 RECOVERY_NS = 2_000_000_000
 STEADY_FRAMES = 5
@@ -73,9 +72,6 @@ class Trial(Judged, kw_only=True):
     recovered_s: float | None = None
     answerable: int = 0
     answered: int = 0
-    attitudes: int = 0
-    wrong_attitudes: int = 0
-    worst_tilt_deg: float = 0.0
     wrong_from_s: float | None = None
 
     @property
@@ -136,17 +132,6 @@ class Judge:
         if len(self._steady) == STEADY_FRAMES and trial.ended_s is not None:
             trial.recovered_s = 1e-9 * (self._steady[0] - self._ended_ns)
 
-    def add_attitude(self, attitude: Attitude) -> None:
-        """Judge one sample's attitude."""
-        if attitude.status is not Status.VALID:
-            return
-        R_WB = self._wearer.gait.at(np.array([attitude.t_sample_ns], dtype=np.int64)).R_WB[0]
-        tilt_rad = tilt_error_rad(attitude, R_WB)
-        self._trial.attitudes += 1
-        self._trial.worst_tilt_deg = max(self._trial.worst_tilt_deg, float(np.degrees(tilt_rad)))
-        if tilt_rad > WRONG_TILT_RAD:
-            self._trial.wrong_attitudes += is_wrong_attitude(attitude, R_WB)
-
 
 def tried(trial: Trial, walk: OfflineWalk, pipeline: Pipeline, onset_ns: int, rest: Sequence[Message]) -> Trial:
     """Return what `pipeline`, come as far as `onset_ns`, makes of the `rest` of the walk."""
@@ -155,7 +140,7 @@ def tried(trial: Trial, walk: OfflineWalk, pipeline: Pipeline, onset_ns: int, re
     for message in struck(rest, strikes):
         for told in pipeline.step(message):
             if isinstance(told, Attitude):
-                judge.add_attitude(told)
+                trial.add_attitude(told, walk.wearer)
             elif isinstance(told, GroundPlane) and told.frame_seq >= 0 and told.t_exposure_ns >= onset_ns:
                 judge.add_ground(told)
     return trial

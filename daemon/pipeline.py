@@ -69,7 +69,8 @@ START_NS = 5_000_000_000
 NO_FRAME_SEQ = -1
 
 PICTURES_WRONG = (Reason.VIEW_DEFORMED, Reason.EYES_SWAPPED)
-"""What the ground finds wrong with the pictures themselves: no estimate of such a frame is valid."""
+"""What the ground finds wrong with the pictures themselves: no estimate of such a frame is valid, and no step to the
+next one is believed."""
 
 
 class Pipeline:
@@ -106,6 +107,7 @@ class Pipeline:
         self._gait = Gait(calibration, self._ground.R_BC, foothold.side)
         self._setpoints = setpoints
         self._kind = TerrainKind.UNKNOWN
+        self._pictures_are_wrong = False  # as far as the ground of the frame before knows
         self._waiting: Frame | None = None
         self._imu_arrival_ns: int | None = None
         self._newest_sample_ns: int | None = None
@@ -225,7 +227,7 @@ class Pipeline:
         self._passes_over = self._load is Load.REDUCED and not self._passes_over
         follows = not (self._passes_over and self._motion.can_miss(frame.header.t_exposure_ns))
         step = self._motion.add_frame(frame, self._attitude.foretold) if follows else None
-        if step is not None:
+        if step is not None and not self._pictures_are_wrong:
             self._attitude.add_camera_step(step, sound=self._motion.reason is Reason.NONE)
         placed = self._placed(frame.header)
         path, steps = PathAhead(), NextSteps()
@@ -233,6 +235,7 @@ class Pipeline:
             path = self._terrain.path_ahead(placed.t_ns, placed.R_WB, placed.w_WB_B, placed.v_W_mps)
             steps = self._gait.add_frame(placed, self._attitude.at, path)
         ground = self._ground_of(frame, placed, steps.prosthetic, path, follows=follows)
+        self._pictures_are_wrong = ground.reason in PICTURES_WRONG
         yield ground
         if self._setpoints is not None:  # before the terrain, which takes longer: the kind is of the frame before
             foothold = self._gait.foothold(steps, ground, path, self._kind)
@@ -309,10 +312,10 @@ class Pipeline:
 
     def _terrain_of(self, frame: Frame, placed: AttitudeAt | Reason, ground: GroundPlane) -> Terrain:
         """Return the terrain; why there is no `ground` holds for it too where the pictures are wrong."""
-        if not isinstance(placed, Reason) and not self._attitude.is_confirmed:
-            placed = Reason.UNCONFIRMED
-        elif not isinstance(placed, Reason) and ground.reason in PICTURES_WRONG:
+        if not isinstance(placed, Reason) and ground.reason in PICTURES_WRONG:
             placed = ground.reason
+        elif not isinstance(placed, Reason) and not self._attitude.is_confirmed:
+            placed = Reason.UNCONFIRMED
         elif self._ground.is_ambiguous(frame.header.t_exposure_ns):
             placed = self._ambiguous_path()
         if isinstance(placed, Reason):

@@ -16,6 +16,7 @@ import numpy as np
 from lab.faults.faulty_camera import ImageChange, Pair
 from messages import Lens, StereoCalibration
 from messages.arrays import Float32Array, FloatArray
+from perception import so3
 from perception.depth.rectify import intrinsics, undistorted_rays
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX
 
@@ -153,8 +154,9 @@ def drawn(
     """Draw what happens to one eye, or how the pictures turn over, and the warp where it is one.
 
     `kind` is "drop", "bent", "thin" and "rows" (either of the two with 0.3 px, with no vertical part), "stretched",
-    "blur", "half" covered, "dirt", "mirrored", "upside" down, "turned" round or "aligned"; `size` is in px of the raw
-    picture, or what of the aligned pictures is turned over. Raises KeyError for another kind.
+    "toed" and "rolled", "blur", "half" covered, "dirt", "mirrored", "upside" down, "turned" round or "aligned"; `size`
+    is in px of the raw picture, in degrees for an eye that is toed or rolled, or what of the aligned pictures is turned
+    over. Raises KeyError for another kind.
     """
     left = bool(chance.integers(2))
     if kind in ("drop", "bent", "thin", "rows"):
@@ -165,6 +167,10 @@ def drawn(
     if kind == "stretched":
         warp = stretched(float(size))
         return warped(warp, left=left), warp
+    if kind in ("toed", "rolled"):
+        axis = np.array([0.0, 1.0, 0.0] if kind == "toed" else [0.0, 0.0, 1.0])
+        turn = float(chance.choice([-1.0, 1.0])) * np.radians(float(size)) * axis
+        return turned_eye(stereo, so3.exp(turn), left=left), None
     if kind == "blur":
         return blurred(int(size), left=left), None
     if kind == "half":
@@ -212,6 +218,18 @@ def turned_over(stereo: StereoCalibration, *, across: bool, down: bool) -> Image
             cv2.remap(eye, *at, cv2.INTER_LINEAR).astype(np.uint8) for eye, at in zip(before, maps, strict=True)
         )
         return left, right
+
+    return change
+
+
+def turned_eye(stereo: StereoCalibration, R: FloatArray, *, left: bool) -> ImageChange:
+    """One eye turned by R (3, 3) about its optical centre, as by a knock: the calibration does not know."""
+    lens = stereo.left if left else stereo.right
+    at = _seen_by((lens, R), _rays((lens, np.eye(3))))
+
+    def change(pair: Pair) -> Pair:
+        turned = cv2.remap(pair[0 if left else 1], *at, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        return (turned.astype(np.uint8), pair[1]) if left else (pair[0], turned.astype(np.uint8))
 
     return change
 

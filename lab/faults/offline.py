@@ -16,9 +16,9 @@ import msgspec
 import numpy as np
 
 from daemon.pipeline import Pipeline
-from lab.faults.criteria import errors_of, flags
+from lab.faults.criteria import WRONG_TILT_RAD, errors_of, flags, is_wrong_attitude, tilt_error_rad
 from lab.faults.faulty_camera import ImageChange
-from messages import Frame, GroundPlane, GroundTruth, ImuSample, Status, StereoFrame, Tick
+from messages import Attitude, Frame, GroundPlane, GroundTruth, ImuSample, Status, StereoFrame, Tick
 from perception.ground.foothold import FootholdSettings
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
@@ -37,10 +37,11 @@ _T = TypeVar("_T")
 
 
 class Judged(msgspec.Struct, kw_only=True):
-    """Frames from the beginning of a fault on: how many were valid, how many of those wrong.
+    """Frames from the beginning of a fault on: how many were valid, how many of those wrong; and valid attitudes.
 
     `noticed_s` is when the first flag came, None if none did; `worst_deg` the largest slope error of a valid frame away
-    from edges, beside its stated deviation; `seen` counts the reasons of frames that are not valid.
+    from edges, beside its stated deviation; `seen` counts the reasons of frames that are not valid. `worst_tilt_deg` is
+    the largest error of a valid attitude.
     """
 
     frames: int = 0
@@ -50,6 +51,19 @@ class Judged(msgspec.Struct, kw_only=True):
     worst_deg: float = 0.0
     stated_deg: float = 0.0
     seen: dict[str, int] = msgspec.field(default_factory=dict)
+    attitudes: int = 0
+    wrong_attitudes: int = 0
+    worst_tilt_deg: float = 0.0
+
+    def add_attitude(self, attitude: Attitude, wearer: SimulatedWearer) -> None:
+        """Judge one sample's attitude."""
+        if attitude.status is not Status.VALID:
+            return
+        R_WB = wearer.gait.at(np.array([attitude.t_sample_ns], dtype=np.int64)).R_WB[0]
+        tilt_rad = tilt_error_rad(attitude, R_WB)
+        self.attitudes += 1
+        self.worst_tilt_deg = max(self.worst_tilt_deg, float(np.degrees(tilt_rad)))
+        self.wrong_attitudes += tilt_rad > WRONG_TILT_RAD and is_wrong_attitude(attitude, R_WB)
 
     def add(self, ground: GroundPlane, truth: GroundTruth, since_s: float) -> bool:
         """Judge one frame's ground, `since_s` after the fault began; return whether it is valid and right."""

@@ -97,8 +97,19 @@ class DeformationWatch:
             if np.count_nonzero(near) >= s.least_tiles:
                 x_px, of_way = _off_plane(shifts.x_px, near, way_m)
                 self._along.add(where, x_px, of_way, kept=math.exp(-way_m / s.remembered_m))
+        if self._verdict.contradicts and self._has_changed(where, inner):
+            self.begin_anew(with_newest=True)
+            self._along = _TileMeans(self._of_picture)
         self._verdict = self._judged(where, inner)
         return self._verdict
+
+    def _has_changed(self, where: tuple[slice, slice], inner: BoolArray) -> bool:
+        """Return whether the newest frame shows something else up or down than those before it, as once a drop has
+        run down: fading alone would take a second and more to forget it."""
+        s, (y_px, y_std_px) = self._settings, self._vertical(where, inner)
+        weight, newest_px, _ = (each[inner] for each in self._newest.around(where))
+        off_px = np.abs(newest_px - np.median(newest_px) - y_px)
+        return bool((off_px > s.contradicts_px + s.sigmas * np.sqrt(y_std_px**2 + 1.0 / weight)).any())
 
     def _judged(self, where: tuple[slice, slice], inner: BoolArray) -> Deformation:
         s = self._settings

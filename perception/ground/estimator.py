@@ -127,13 +127,14 @@ class GroundEstimator:
         measured = measure(expected, self._repetition.margin_m(t_ns, expected))
         if searched.unlikely and measured.fit is not None and not self._meter.is_even(measured.fit):
             measured = GroundMeasurement(Reason.NOT_PLANAR, measured.matched_share)
+        begins = may_begin
         if measured.fit is not None:
             self._swap_watch.clear()
             ask = partial(self._meter.find_repeats, frame.images, R_HC, region)
             measured, tells = self._repetition.resolved(
                 t_ns, measured, measured.fit, expected, searched.bounds, ask, measure
             )
-            may_begin = may_begin and tells
+            begins = may_begin and tells
         if measured.fit is None:
             self._tracker.miss()
         reason = measured.reason if expected is not None else self._search.ended(measured.reason)
@@ -157,16 +158,17 @@ class GroundEstimator:
             measured.matched_share,
             R_WH,
             attitude_cov_W,
-            may_begin=may_begin and not view.doubtful,
+            may_begin=begins and not view.doubtful,
         )
         if tracked is None and self._tracks:
             self._view.begin_anew()
         self._tracks = tracked is not None
         if tracked is None:
             self._known_height.begin_anew()
-            if expected is None:
+            if expected is None and may_begin:
                 self._search.not_followed()
-            return self._invalid(frame, Reason.NOT_PLANAR, measured.matched_share)
+            reason = Reason.NOT_PLANAR if may_begin else Reason.UNCONFIRMED
+            return self._invalid(frame, reason, measured.matched_share)
         plane, plane_cov = tracked
         self._lasting_cov = measured.lasting_cov + self._view.covariance(plane, R_HC)
         ground = self._valid(frame, plane, plane_cov, R_HC, R_WH, rotation_cov_W_rad2, w_WB_B_radps, distance_scale)

@@ -41,11 +41,12 @@ class ViewCheck:
     ) -> Deformation:
         """Return what is known of the view with a frame in which a plane was `measured` in `region`.
 
-        Of two frames one is asked; each, as long as it is not `settled` which plane is the ground.
+        Of two frames one is asked; each, as long as it is not `settled` which plane is the ground, or the view
+        contradicts.
 
         The camera turns by `w_C_radps` (3,) and moves by `v_C_mps` (3,) over the ground.
         """
-        self._asked = not (settled and self._asked)
+        self._asked = not (settled and self._asked) or self.found.contradicts
         if not self._asked:
             return self.found
         step_s, self._t_ns = 1e-9 * (t_ns - self._t_ns), t_ns

@@ -8,7 +8,9 @@ from daemon.pipeline import Pipeline
 from lab.faults import deformed_view
 from lab.faults.criteria import errors_of
 from lab.faults.faulty_camera import ImageChange
-from messages import Estimate, GroundPlane, Health, Input, Reason, Status, StereoFrame, Terrain
+from lab.faults.offline import FOR_EVER_NS, Judged, OfflineWalk, Strike, pictures, struck
+from messages import Attitude, Estimate, GroundPlane, Health, Input, Reason, Status, StereoFrame, Terrain
+from perception import so3
 from perception.ground.foothold import FootholdSettings
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
@@ -98,3 +100,23 @@ def test_what_covers_blurs_or_turns_the_view_leaves_no_plane_of_chance(name: str
     grounds, _, wearer = told_since(name, seed, seconds)
     assert len(grounds) > 20
     assert wrong(grounds, wearer) == 0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0)], ids=["toed in", "rolled"])
+def test_an_eye_that_stands_askew_spoils_no_attitude(axis: tuple[float, float, float]) -> None:
+    """What such eyes see of a walk is a turn and a ground that moves: believed, it spoils the vertical by 5°."""
+    walk = OfflineWalk(2, "ramps", 8.0)
+    askew = deformed_view.turned_eye(walk.wearer.unit.stereo, so3.exp(np.radians(0.8) * np.array(axis)), left=False)
+    pipeline, judged = walk.new_pipeline(), Judged()
+    for message in struck(walk.inputs, [Strike(pictures(askew), START_NS, FOR_EVER_NS)]):
+        for told in pipeline.step(message):
+            if isinstance(told, Attitude):
+                judged.add_attitude(told, walk.wearer)
+            if isinstance(told, GroundPlane) and told.frame_seq >= 0:
+                judged.add(told, walk.wearer.truth_of(told), 0.0)
+    assert judged.attitudes > 500
+    assert judged.wrong_attitudes == 0
+    assert judged.worst_tilt_deg < 1.5
+    assert judged.seen.get("view_deformed", 0) > 100
+    assert judged.wrong == 0

@@ -55,10 +55,19 @@ def test_a_drop_that_moves_part_of_a_picture_up_or_down_contradicts_the_sooner_t
     assert frames <= {0.2: 20, 0.5: 5, 2.0: 2}[most_px]
 
 
-def test_it_ends_within_two_seconds_after_the_drop() -> None:
+@pytest.mark.parametrize(("most_px", "frames"), [(0.2, 20), (0.5, 8), (2.0, 8)])
+def test_it_ends_soon_after_the_drop_has_run_down(most_px: float, frames: int) -> None:
     watch = DeformationWatch()
-    assert walked(watch, 50, y_px=2.0 * DROP).contradicts
-    assert not walked(watch, 20, y_px=NOTHING).contradicts
+    assert walked(watch, 50, x_px=most_px * DROP, y_px=most_px * DROP).contradicts
+    assert not walked(watch, frames).contradicts
+
+
+def test_a_drop_that_moves_still_contradicts() -> None:
+    watch, chance = DeformationWatch(), np.random.default_rng(9)
+    walked(watch, 20, y_px=2.0 * DROP)
+    for k in range(40):
+        found = watch.add(shown(chance, NOTHING, np.roll(2.0 * DROP, k // 4, axis=1)), 0.1)
+        assert found.contradicts
 
 
 def test_what_is_small_is_told_by_its_size() -> None:
