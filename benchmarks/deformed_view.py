@@ -6,7 +6,7 @@ The whole pipeline, faster than real time, on units of the rig with the calibrat
 walks on level ground, on ramps or over mixed ground, and all cases of a seed see the same walk. The fault begins after
 3.5 to 4.5 s, or before the first frame where the case ends in "-first", and stays. Wrong is what `lab.faults.criteria`
 calls so. A warp's number is its size in px of the raw picture; those of `rows-` have no vertical part, those of `thin-`
-have 0.3 px of it; `stretched-` grows evenly with the column. `toed-` and `rolled-` turn one eye by so many degrees:
+have 0.3 px of it; `stretched-` grows evenly with the column. `toed-` and `rolled-` turn one eye by so many degrees
 about the upright axis of its picture, or the optical one. Pictures turn over as they are, or, `aligned-`, about the
 rectified picture's centre, with nothing left between the eyes' rows. One line of JSON is added to F for each finished
 trial; those there are not repeated.

@@ -230,6 +230,8 @@ class Pipeline:
         if step is not None and not self._pictures_are_wrong:
             self._attitude.add_camera_step(step, sound=self._motion.reason is Reason.NONE)
         placed = self._placed(frame.header)
+        if step is not None and not isinstance(placed, Reason) and not self._attitude.knows_velocity:
+            placed = step.with_velocity(placed)
         path, steps = PathAhead(), NextSteps()
         if not isinstance(placed, Reason):
             path = self._terrain.path_ahead(placed.t_ns, placed.R_WB, placed.w_WB_B, placed.v_W_mps)

@@ -229,6 +229,8 @@ class Campaign:
             void = Burden(waiting=pressure.share()).too_much
             return _report(trial, None, [f"the command did not end within {_COMMAND_S:g} s"], void=void)
         lines = done.stderr.strip().splitlines()
+        if act.work is not None:
+            lines = [line for line in lines if not line.startswith(f"gaiteyes: {act.work}")]
         why = [] if done.returncode in act.codes else [f"exit code {done.returncode}"]
         if "Traceback" in done.stderr or (done.returncode and len(lines) != 1):
             why.append(f"{len(lines)} lines of error message instead of one")

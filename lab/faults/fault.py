@@ -87,11 +87,13 @@ class Restart:
 class Command:
     """A fault met by the command line: `prepare` lays it out in an empty folder and returns gaiteyes' arguments.
 
-    `codes` are the exit codes that are in order.
+    `codes` are the exit codes that are in order; `work` is what lines of progress begin with, beside the one of the
+    error.
     """
 
     prepare: "Callable[[DaemonPlan, Path], list[str]]"
     codes: tuple[int, ...] = (2,)
+    work: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

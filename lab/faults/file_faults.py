@@ -128,7 +128,7 @@ FILE_FAULTS = (
     _command(
         "file-recording-truncated",
         "a replay of a recording that ends after three fifths of its bytes",
-        Command(_truncated_recording, codes=(3,)),
+        Command(_truncated_recording, codes=(3,), work="replaying"),
     ),
     Fault(
         name="zenoh-port-taken",

@@ -26,6 +26,7 @@ from perception import so3, vec3
 from perception.attitude.agreement import Innovation
 from perception.attitude.causes import follow_ground, judge_distances, look_for_causes, squares, squares_by_part
 from perception.attitude.error_state import BEGINNING, GROUND_TURN, LAG, MOUNT, ROTATION, SCALE, SIZE, TRAVEL
+from perception.attitude.history import AttitudeAt
 from perception.attitude.kalman import AttitudeKalman, fuse
 from perception.attitude.state import AttitudeState, CameraStepSettings
 
@@ -46,6 +47,12 @@ class CameraStep:
     def duration_s(self) -> float:
         """Return how long the step lasted."""
         return 1e-9 * (self.t_after_ns - self.t_before_ns)
+
+    def with_velocity(self, attitude: AttitudeAt) -> AttitudeAt:
+        """Return `attitude`, of the step's end, with the velocity of the IMU that was seen on the way."""
+        seen_B = vec3.scaled(self.travel_B, 1.0 / self.duration_s)
+        v_B = vec3.minus(seen_B, vec3.cross(attitude.w_WB_B, self.p_BC_m))
+        return attitude._replace(v_W_mps=so3.transform(so3.rows_from_quaternion(attitude.q_WB), v_B))
 
 
 def begin_step(kalman: AttitudeKalman, state: AttitudeState) -> None:

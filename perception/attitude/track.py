@@ -131,8 +131,12 @@ class AttitudeTrack:
     @property
     def is_watched(self) -> bool:
         """Return whether the last step of the camera is not missing, or there never was one."""
-        since_s = self._filter.without_camera_s
-        return since_s < _WATCHED_S or math.isinf(since_s)
+        return self.knows_velocity or math.isinf(self._filter.without_camera_s)
+
+    @property
+    def knows_velocity(self) -> bool:
+        """Return whether a step of the camera has told the velocity of late; the accelerometer alone loses it."""
+        return self._filter.without_camera_s < _WATCHED_S
 
     def is_watched_to(self, t_ns: int) -> bool:
         """Return whether a step of the camera that ends at `t_ns` has been accepted, or there never was any."""
