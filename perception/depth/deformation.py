@@ -34,7 +34,8 @@ class DeformationSettings:
     least_tiles: int = 12
     least_shift_px: float = 0.02  # deviation of one tile's shift, however clear the picture
     sigmas: float = 4.0  # of the many tiles the one that is farthest off
-    contradicts_px: float = 0.07  # beyond those
+    contradicts_px: float = 0.07  # beyond those; of the first `settled_frames` in two in a row,
+    at_once_px: float = 0.14  # or in one: of many tiles beside an edge one is farther off by chance
     settles_px: float = 0.04  # likewise: less ends the contradiction
     settled_frames: int = 6
     doubtful_sigmas: float = 2.0
@@ -64,6 +65,7 @@ class DeformationWatch:
         self._of_picture = (0, 0)
         self._up_down, self._newest, self._along = (_TileMeans(self._of_picture) for _ in range(3))
         self._frames = 0
+        self._was_beyond = False
         self._verdict = SOUND
 
     def begin_anew(self, *, with_newest: bool) -> None:
@@ -117,7 +119,10 @@ class DeformationWatch:
         x_px, x_std_px = self._lasting(where, inner)
         far_px = float((np.abs(y_px) - s.sigmas * y_std_px).max()) - self._calibrated_px
         along_px = float((np.abs(x_px) - s.sigmas * x_std_px).max()) - self._calibrated_px
-        contradicts = far_px > s.contradicts_px or along_px > s.contradicts_along_px
+        beyond = far_px > s.contradicts_px
+        sure = self._was_beyond or self._frames >= s.settled_frames or far_px > s.at_once_px
+        contradicts = (beyond and sure) or along_px > s.contradicts_along_px
+        self._was_beyond = beyond
         if self._verdict.contradicts and not contradicts:
             contradicts = self._frames < s.settled_frames or max(far_px, along_px) > s.settles_px
         unlikely_px = float((np.abs(y_px) - s.doubtful_sigmas * y_std_px).max()) - self._calibrated_px

@@ -1,5 +1,7 @@
 """What stays in the picture is a deformation of the view; what passes through it with the ground is none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -88,6 +90,18 @@ def test_the_first_frames_of_another_ground_are_doubtful_where_they_are_shifted(
     assert not walked(watch, 1, y_px=0.2 * DROP).doubtful  # one of fifty
     watch.begin_anew(with_newest=True)
     assert walked(watch, 1, y_px=0.2 * DROP).doubtful
+
+
+def test_of_the_first_frames_one_that_is_a_little_off_is_chance_and_two_in_a_row_are_not() -> None:
+    off_px = NOTHING.copy()
+    off_px[3:6, 4:7] = 0.2
+    little, none = (replace(shown(np.random.default_rng(0), NOTHING, NOTHING), y_px=y) for y in (off_px, NOTHING))
+    watch = DeformationWatch()
+    assert not watch.add(little, 0.1).contradicts
+    assert not watch.add(none, 0.1).contradicts
+    watch.begin_anew(with_newest=False)
+    assert not watch.add(little, 0.1).contradicts
+    assert watch.add(little, 0.1).contradicts
 
 
 def test_a_shift_along_the_rows_that_stays_over_a_way_contradicts_and_at_rest_does_not() -> None:
