@@ -154,7 +154,7 @@ class VisualOdometer:
     def _motion_within(self, before: View, pair: _Pair, inner: InnerMotion) -> EgoMotion | None:
         step_s = 1e-9 * (pair.t_exposure_ns - before.t_exposure_ns)
         R, p_m = inner.at(np.array([step_s]))
-        guess_px = self._stereo.left.pixels((before.points_C - p_m) @ R[0])
+        guess_px = np.clip(self._stereo.left.pixels((before.points_C - p_m) @ R[0]), -_OUTSIDE_PX, _OUTSIDE_PX)
         levels = 0 if self._guess_noise_px(inner, step_s) < _NEAR_PX else 2
         seen_px, good = Shear(before.corners_px, guess_px).tracked(before.left, pair.left, levels)
         carried = good & _is_carried(before.corners_px, guess_px, seen_px)
@@ -195,6 +195,8 @@ def _is_carried(before_px: Float32Array, foretold_px: Float32Array, seen_px: Flo
 
 _TOLD_PX, _STAYS_PX = 0.08, 0.3
 """Twice what tracking leaves; and what it leaves where a carried thing's edge is blurred over the ground."""
+_OUTSIDE_PX = np.float32(1e4)
+"""What a velocity that the IMU has lost puts beside the camera is anywhere out of the picture; so far is enough."""
 _NEAR_PX = 1.0
 """Deviation of a guess from which tracking finds the corner without a coarser picture."""
 _USUAL_DEPTH_M = 1.0
