@@ -49,10 +49,12 @@ class CameraStep:
         return 1e-9 * (self.t_after_ns - self.t_before_ns)
 
     def with_velocity(self, attitude: AttitudeAt) -> AttitudeAt:
-        """Return `attitude`, of the step's end, with the velocity of the IMU that was seen on the way."""
-        seen_B = vec3.scaled(self.travel_B, 1.0 / self.duration_s)
-        v_B = vec3.minus(seen_B, vec3.cross(attitude.w_WB_B, self.p_BC_m))
-        return attitude._replace(v_W_mps=so3.transform(so3.rows_from_quaternion(attitude.q_WB), v_B))
+        """Return `attitude`, that of the step's end, with the mean velocity of B on the way: by (5), without any error,
+        p = R₀ (d + l) − R₁ l over T."""
+        R1 = attitude.R_WB
+        R0 = R1 @ so3.exp(self.turn_B).T
+        p_W_m = R0 @ np.add(self.travel_B, self.p_BC_m) - R1 @ self.p_BC_m
+        return attitude._replace(v_W_mps=to_vec3(p_W_m / self.duration_s))
 
 
 def begin_step(kalman: AttitudeKalman, state: AttitudeState) -> None:

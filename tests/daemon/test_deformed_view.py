@@ -8,6 +8,7 @@ from daemon.pipeline import Pipeline
 from lab.faults import deformed_view
 from lab.faults.criteria import errors_of
 from lab.faults.faulty_camera import ImageChange
+from lab.faults.message_faults import KINDS
 from lab.faults.offline import FOR_EVER_NS, Judged, OfflineWalk, Strike, pictures, struck
 from messages import Attitude, Estimate, GroundPlane, Health, Input, Reason, Status, StereoFrame, Terrain
 from perception import so3
@@ -120,3 +121,23 @@ def test_an_eye_that_stands_askew_spoils_no_attitude(axis: tuple[float, float, f
     assert judged.worst_tilt_deg < 1.5
     assert judged.seen.get("view_deformed", 0) > 100
     assert judged.wrong == 0
+
+
+@pytest.mark.long
+def test_a_sound_view_after_seconds_of_darkness_is_not_called_deformed() -> None:
+    """Meanwhile the IMU's velocity has drifted to metres a second, whose flow would show between the eyes' rows."""
+    walk, chance = OfflineWalk(1, "ramps", 9.5), np.random.default_rng(1)
+    dark_ns, light_ns = START_NS + 3_500_000_000, START_NS + 7_500_000_000
+    stereo = walk.wearer.unit.stereo
+    strikes = [Strike(KINDS[name].draw(chance, stereo), dark_ns, light_ns) for name in ("black", "gyro-step-5")]
+    pipeline, judged = walk.new_pipeline(), Judged()
+    last: GroundPlane | None = None
+    for message in struck(walk.inputs, strikes):
+        for told in pipeline.step(message):
+            if isinstance(told, GroundPlane) and told.frame_seq >= 0 and told.t_exposure_ns >= light_ns:
+                judged.add(told, walk.wearer.truth_of(told), 0.0)
+                last = told
+    assert "view_deformed" not in judged.seen
+    assert judged.wrong == 0
+    assert last is not None
+    assert last.status is Status.VALID

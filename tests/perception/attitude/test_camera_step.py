@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from messages import Status
+from messages import Status, vec3
 from perception.attitude.camera_step import CameraStep, follow_odometer_scale
 from perception.attitude.filter import AttitudeSettings
+from perception.attitude.history import AttitudeAt
 from perception.attitude.kalman import AttitudeKalman
 from perception.attitude.track import AttitudeTrack
 from perception.motion.ego_motion import EgoMotion
+from perception.so3 import quaternion_from_matrix
 from perception.vec3 import ZERO
 from tests.bench.attitude_batch import solve
 from tests.bench.seen_motion import WALKING_NS, SampleAt, arrivals_until, gait, seen
@@ -85,3 +87,16 @@ def test_an_odometer_errs_by_more_in_all_where_it_states_more_noise() -> None:
 def test_a_start_is_no_tilt_where_the_camera_sees_it() -> None:
     walking = [step.tilt_deg for step in follow(WALKING_NS + 2 * S) if step.t_ns > WALKING_NS - S]
     assert float(np.sqrt(np.mean(np.square(walking)))) < 0.25
+
+
+def test_a_step_tells_the_mean_velocity_of_the_imu() -> None:
+    walk = gait(5, "level")
+    steps = [each for each in arrivals_until(WALKING_NS + 2 * S, 5, "level") if isinstance(each, EgoMotion)]
+    for step in (camera_step(each) for each in steps[-20:]):
+        before, after = (walk.at(np.array([t_ns])) for t_ns in (step.t_before_ns, step.t_after_ns))
+        attitude = AttitudeAt(
+            step.t_after_ns, quaternion_from_matrix(after.R_WB[0]), vec3(after.w_WB_B_radps[0]), 0.0, np.eye(3)
+        )
+        mean_mps = (after.p_WB_m - before.p_WB_m)[0] / step.duration_s
+        assert np.allclose(step.with_velocity(attitude).v_W_mps, mean_mps, atol=0.05)
+        assert np.linalg.norm(mean_mps) > 0.5
