@@ -52,7 +52,7 @@ class CameraStep:
         """Return `attitude`, that of the step's end, with the mean velocity of B on the way: by (5), without any error,
         p = R₀ (d + l) − R₁ l over T."""
         R1 = attitude.R_WB
-        R0 = R1 @ so3.exp(self.turn_B).T
+        R0 = R1 @ so3.exp(np.array(self.turn_B)).T
         p_W_m = R0 @ np.add(self.travel_B, self.p_BC_m) - R1 @ self.p_BC_m
         return attitude._replace(v_W_mps=to_vec3(p_W_m / self.duration_s))
 
