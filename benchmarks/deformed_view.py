@@ -90,17 +90,17 @@ def tried(trial: Trial, walk: OfflineWalk) -> Trial:
     pipeline = walk.new_pipeline()
     alarmed_ns = 0
     for message in struck(walk.inputs, strikes):
-        for ground in pipeline.step(message):
-            if isinstance(ground, Attitude) and ground.t_sample_ns >= onset_ns:
-                trial.add_attitude(ground, wearer)
-            if not isinstance(ground, GroundPlane) or ground.frame_seq < 0:
+        for told in pipeline.step(message):
+            if isinstance(told, Attitude) and told.t_sample_ns >= onset_ns:
+                trial.add_attitude(told, wearer)
+            if not isinstance(told, GroundPlane) or told.frame_seq < 0:
                 continue
-            t_ns = ground.t_exposure_ns
-            if ground.reason.value == "view_deformed" and (change is None or t_ns < onset_ns):
+            t_ns = told.t_exposure_ns
+            if told.reason.value == "view_deformed" and (change is None or t_ns < onset_ns):
                 trial.alarms += t_ns - alarmed_ns > APART_NS
                 alarmed_ns = t_ns
             if t_ns >= max(onset_ns, START_NS + SETTLED_NS):
-                trial.add(ground, wearer.truth_of(ground), 1e-9 * (t_ns - onset_ns))
+                trial.add(told, wearer.truth_of(told), 1e-9 * (t_ns - onset_ns))
     return trial
 
 

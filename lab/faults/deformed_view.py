@@ -91,7 +91,12 @@ def stretched(most_px: float) -> Warp:
 def warped(warp: Warp, *, left: bool) -> ImageChange:
     """One eye's picture moved by `warp`."""
     y, x = np.mgrid[:HEIGHT_PX, :WIDTH_PX].astype(np.float32)
-    at, between = cv2.convertMaps((x - warp.u_px).astype(np.float32), (y - warp.v_px).astype(np.float32), cv2.CV_16SC2)
+    return _moved((x - warp.u_px).astype(np.float32), (y - warp.v_px).astype(np.float32), left=left)
+
+
+def _moved(columns: Float32Array, rows: Float32Array, *, left: bool) -> ImageChange:
+    """One eye's picture with each pixel (HEIGHT_PX, WIDTH_PX) taken from these columns and rows."""
+    at, between = cv2.convertMaps(columns, rows, cv2.CV_16SC2)
 
     def change(pair: Pair) -> Pair:
         moved = cv2.remap(pair[0 if left else 1], at, between, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
@@ -225,13 +230,7 @@ def turned_over(stereo: StereoCalibration, *, across: bool, down: bool) -> Image
 def turned_eye(stereo: StereoCalibration, R: FloatArray, *, left: bool) -> ImageChange:
     """One eye turned by R (3, 3) about its optical centre, as by a knock: the calibration does not know."""
     lens = stereo.left if left else stereo.right
-    at = _seen_by((lens, R), _rays((lens, np.eye(3))))
-
-    def change(pair: Pair) -> Pair:
-        turned = cv2.remap(pair[0 if left else 1], *at, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-        return (turned.astype(np.uint8), pair[1]) if left else (pair[0], turned.astype(np.uint8))
-
-    return change
+    return _moved(*_seen_by((lens, R), _rays((lens, np.eye(3)))), left=left)
 
 
 def _rays(eye: tuple[Lens, FloatArray]) -> FloatArray:
