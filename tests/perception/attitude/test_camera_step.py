@@ -90,13 +90,14 @@ def test_a_start_is_no_tilt_where_the_camera_sees_it() -> None:
 
 
 def test_a_step_tells_the_mean_velocity_of_the_imu() -> None:
-    walk = gait(5, "level")
-    steps = [each for each in arrivals_until(WALKING_NS + 2 * S, 5, "level") if isinstance(each, EgoMotion)]
-    for step in (camera_step(each) for each in steps[-20:]):
+    walk, worst_mps = gait(5, "level"), 0.0
+    for from_ns in range(WALKING_NS + S, WALKING_NS + 3 * S, 50_000_000):
+        step = camera_step(seen(walk, from_ns, from_ns + 50_000_000, noise=0.0))
         before, after = (walk.at(np.array([t_ns])) for t_ns in (step.t_before_ns, step.t_after_ns))
         attitude = AttitudeAt(
             step.t_after_ns, quaternion_from_matrix(after.R_WB[0]), vec3(after.w_WB_B_radps[0]), 0.0, np.eye(3)
         )
         mean_mps = (after.p_WB_m - before.p_WB_m)[0] / step.duration_s
-        assert np.allclose(step.with_velocity(attitude).v_W_mps, mean_mps, atol=0.05)
         assert np.linalg.norm(mean_mps) > 0.5
+        worst_mps = max(worst_mps, float(np.linalg.norm(step.with_velocity(attitude).v_W_mps - mean_mps)))
+    assert worst_mps < 0.002
