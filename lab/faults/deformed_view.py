@@ -95,7 +95,7 @@ def warped(warp: Warp, *, left: bool) -> ImageChange:
 
 
 def _moved(columns: Float32Array, rows: Float32Array, *, left: bool) -> ImageChange:
-    """One eye's picture with each pixel (HEIGHT_PX, WIDTH_PX) taken from these columns and rows."""
+    """One eye's picture with each pixel (height, width) taken from these columns and rows."""
     at, between = cv2.convertMaps(columns, rows, cv2.CV_16SC2)
 
     def change(pair: Pair) -> Pair:
@@ -234,9 +234,9 @@ def turned_eye(stereo: StereoCalibration, R: FloatArray, *, left: bool) -> Image
 
 
 def _rays(eye: tuple[Lens, FloatArray]) -> FloatArray:
-    """Return the rays (HEIGHT_PX, WIDTH_PX, 3), z = 1, of a lens turned by R (3, 3)."""
+    """Return the rays (height, width, 3), z = 1, of a lens turned by R (3, 3)."""
     lens, R = eye
-    rays = undistorted_rays(lens, np.arange(float(WIDTH_PX)), np.arange(float(HEIGHT_PX))) @ R.T
+    rays = undistorted_rays(lens, np.arange(float(lens.width_px)), np.arange(float(lens.height_px))) @ R.T
     along: FloatArray = rays / rays[..., 2:]
     return along
 
@@ -246,7 +246,7 @@ def _seen_by(eye: tuple[Lens, FloatArray], rays: FloatArray) -> tuple[Float32Arr
     lens, R = eye
     points, still = (rays @ R).reshape(-1, 1, 3), np.zeros(3)
     at, _ = cv2.projectPoints(points, still, still, intrinsics(lens), np.array(lens.distortion))
-    columns, rows = at.reshape(HEIGHT_PX, WIDTH_PX, 2).astype(np.float32).transpose(2, 0, 1)
+    columns, rows = at.reshape(*rays.shape[:2], 2).astype(np.float32).transpose(2, 0, 1)
     return columns, rows
 
 
