@@ -19,10 +19,11 @@ from messages import StereoCalibration
 from messages.arrays import BoolArray, Float32Array, FloatArray, GreyImage
 from perception import so3
 from perception.motion.distance_jump import DistanceJumps
+from perception.motion.eye_alignment import RowSkew
 from perception.motion.inner_motion import InnerMotion, steady_motion
 from perception.motion.rigid_step import PointsInStep, RigidStepSettings, solve
 from perception.motion.sheared import Shear
-from perception.motion.stereo_points import NO_SKEW, StereoPoints, View
+from perception.motion.stereo_points import StereoPoints, View
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class VisualOdometer:
         self._last_rates: FloatArray = np.zeros(6)
         self._view: View | None = None
         self._unprepared: _Pair | None = None
-        self.skew = NO_SKEW
+        self.skew: RowSkew | None = None
         self.jumps = DistanceJumps()
         self._expected: tuple[Float32Array, FloatArray] | None = None  # corners of the newest pair, and their depths
 

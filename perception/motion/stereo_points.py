@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import cv2
 import msgspec
@@ -13,6 +12,7 @@ from messages.arrays import BoolArray, Float32Array, FloatArray, FloatImage, Gre
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window
 from perception.motion.corners import REACH_PX, Eye, corners, detail, is_ambiguous
+from perception.motion.eye_alignment import RowSkew, median, row_skew
 from perception.motion.sheared import Shear
 
 
@@ -28,17 +28,6 @@ class View:
     row_time_s: FloatArray
 
 
-class Skew(NamedTuple):
-    """How much lower the right eye sees corners than the calibration says: the median, raw pixels, and by what share
-    that grows with the rows, as it does where one focal length is wrong; NaN where too few agree."""
-
-    px: float
-    growth: float
-
-
-NO_SKEW = Skew(math.nan, math.nan)
-
-
 class StereoPoints:
     """Finds corners in pictures reduced to about `width_px`, and their points in C.
 
@@ -52,11 +41,8 @@ class StereoPoints:
     width_px = 320
     rows_together = 3  # of the coarse picture, which dense matching averages
     most_beside = 0.4  # of the picture: where a frame, as of a rollator, stands all over the ground, all of it counts
-    least_points = 20  # for a median that outliers do not move
     most_skew_px = 1.0  # between the eyes' rows: a larger one is a false match
     most_common_px, most_rows_spread_px = 0.65, 0.4  # median and spread of that: more, and what matches is chance
-    most_skew_spread_px = 0.2  # median about the median: more, and the matches do not agree on any skew
-    least_rows_square = 0.3  # Σ y², of corners that lie on rows far enough apart to tell a growth
     most_ambiguous = 0.8  # of the corners: only tiles have more that look the same elsewhere along the row
     asked_first, asked_each = 12, 3  # corners of a frame of which that is asked
     asked_together = 48  # of which the share is taken
@@ -89,7 +75,7 @@ class StereoPoints:
         raw_row = self._divisor * (points_px[:, 1].astype(np.float64) + 0.5) - 0.5
         return (raw_row - self._middle_row) * self._row_time_s
 
-    def view(self, t_exposure_ns: int, left: GreyImage, right: GreyImage) -> tuple[View, Skew]:
+    def view(self, t_exposure_ns: int, left: GreyImage, right: GreyImage) -> tuple[View, RowSkew | None]:
         """Return the points in a pair of reduced pictures, and how the eyes' rows differ."""
         corners_px = corners(left)
         rays_C = self.left.rays_C(corners_px) if len(corners_px) else np.empty((0, 3))
@@ -97,12 +83,12 @@ class StereoPoints:
         known = np.isfinite(guess)
         corners_px, rays_C, guess = corners_px[known], rays_C[known], guess[known]
         if len(guess) == 0:
-            return _without_points(t_exposure_ns, left), NO_SKEW
+            return _without_points(t_exposure_ns, left), None
         matched_px, good = self._matched(left, right, corners_px, rays_C, guess)
         if self._repeats(left, right, corners_px[good], matched_px[good]):
-            return _without_points(t_exposure_ns, left), NO_SKEW
+            return _without_points(t_exposure_ns, left), None
         disparity, skew = self._apart(rays_C, matched_px)
-        common = self._common(skew[good], rays_C[good, 1])
+        common = row_skew(skew[good], rays_C[good, 0] - disparity[good], rays_C[good, 1], self.left.f_px)
         good &= np.abs(skew) < self.most_skew_px / self.left.f_px
         good &= np.abs(disparity - guess) < 1.0 / self._coarse.f_px
         corners_px = corners_px[good]
@@ -149,22 +135,9 @@ class StereoPoints:
 
     def _rows_agree(self, skew: FloatArray) -> bool:
         """Return whether `skew` (N,), in units of the focal length, is about nothing at half of the corners or more."""
-        median, _, spread = _about_median(skew)
+        middle = median(skew)
         px = self.left.f_px
-        return px * abs(median) < self.most_common_px and px * spread < self.most_rows_spread_px
-
-    def _common(self, skew: FloatArray, y: FloatArray) -> Skew:
-        """Return what `skew` (N,), in units of the focal length, of corners at `y` (N,) has in common."""
-        if len(skew) < self.least_points:
-            return NO_SKEW
-        median, off, spread = _about_median(skew)
-        if self.left.f_px * spread >= self.most_skew_spread_px:
-            return NO_SKEW
-        near = off < _FAR_SPREADS * spread
-        rows = y[near] - y[near].mean()
-        square = float(rows @ rows)
-        growth = float(rows @ skew[near]) / square if square > self.least_rows_square else math.nan
-        return Skew(self._divisor * self.left.f_px * median, growth)
+        return px * abs(middle) < self.most_common_px and px * median(np.abs(skew - middle)) < self.most_rows_spread_px
 
     def _coarse_disparity(self, left: GreyImage, right: GreyImage, rays_C: FloatArray) -> FloatArray:
         """Return the disparity (N,) of rays (N, 3), in units of the focal length, to a pixel; NaN where unknown, or
@@ -201,34 +174,10 @@ class StereoPoints:
         return np.asarray(disparity_px < beside - _LEAST_EDGE_PX, dtype=np.bool_)
 
 
-class _AboutMedian(NamedTuple):
-    """The median of values (N,), how far each is from it (N,), and the median of that."""
-
-    median: float
-    off: FloatArray
-    spread: float
-
-
-def _about_median(values: FloatArray) -> _AboutMedian:
-    median = _median(values)
-    off = np.abs(values - median)
-    return _AboutMedian(median, off, _median(off))
-
-
-def _median(values: FloatArray) -> float:
-    """Return the median of `values` (N,): numpy's takes five times as long over so few."""
-    half = len(values) // 2
-    parted = np.partition(values, half)
-    upper = float(parted[half])
-    return upper if len(values) % 2 else 0.5 * (float(parted[:half].max()) + upper)
-
-
 def _without_points(t_exposure_ns: int, left: GreyImage) -> View:
     return View(t_exposure_ns, left, np.empty((0, 2), np.float32), np.empty((0, 3)), np.empty(0))
 
 
-_FAR_SPREADS = 6.0
-"""Median deviations beyond which a corner's skew is a false match's: 4 σ."""
 _DEPTHS_M = (3.0, 0.65)
 """Farthest and nearest that is looked for, and a little beyond: ground and stairs from a hip that looks down."""
 _NO_DISPARITY = np.float32(-1e3)

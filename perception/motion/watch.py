@@ -3,8 +3,6 @@
 And one eye beside the other: what they see of a corner must lie on one epipolar line, and not all distances may jump.
 """
 
-import math
-
 import numpy as np
 
 from messages import Calibration, Frame, ImuSample, Reason, StereoFrame, UnitCalibration, vec3
@@ -15,33 +13,24 @@ from perception.attitude.imu_model import corrected
 from perception.depth.focal_lengths import UNWATCHED, FocalDifference
 from perception.motion.clock_lag import ClockLagMonitor
 from perception.motion.ego_motion import EgoMotion, VisualOdometer
+from perception.motion.eye_alignment import EyeAlignment
 from perception.motion.inner_motion import InnerMotion, RecentSamples
-from perception.motion.stereo_points import Skew
 
 
 class MotionWatch:
     """Tells how the camera moved, and when its pictures may not be used with the IMU.
 
-    It needs pictures from two eyes: a depth camera's frames are ignored, and its reason stays NONE. The eyes
-    are misaligned from the first pair that says so until `confirmations` in a row deny it: matching tolerates
-    `most_skew_px`.
+    It needs pictures from two eyes: a depth camera's frames are ignored, and its reason stays NONE.
     """
-
-    most_skew_px = 2.0  # raw pixels, up or down
-    confirmations = 3  # frames: one good frame among bad ones is chance
-    most_growth = 0.0015  # of that with the rows: a focal length so wrong makes heights wrong by a centimetre
-    growth_frames = 60  # on average, some seconds: what one frame says of it is mostly noise
-    growth_std = 5e-4  # of one frame,
-    lasting_growth_std = 3e-4  # and what no average is better than: corners are matched a little off, always alike
 
     def __init__(self, calibration: UnitCalibration) -> None:
         self._imu = calibration.imu
         self._odometer: VisualOdometer | None = None
         self._clock: ClockLagMonitor | None = None
-        self._aligned_frames = self.confirmations
-        self._growth, self._grown_frames = 0.0, 0
+        self._alignment: EyeAlignment | None = None
         if isinstance(calibration, Calibration):
             self._odometer = VisualOdometer(calibration.stereo)
+            self._alignment = EyeAlignment(calibration.stereo.left.fx_px, calibration.residual.rows_rad)
             self._clock = ClockLagMonitor(calibration, self._odometer.R_LC)
             self._R_BC = np.array(calibration.X_BL.R) @ self._odometer.R_LC
             self._p_BC_m = calibration.X_BL.p_m
@@ -57,7 +46,7 @@ class MotionWatch:
 
     @property
     def _eyes_are_wrong(self) -> Reason:
-        if self._aligned_frames < self.confirmations:
+        if self._alignment is not None and self._alignment.contradicts:
             return Reason.EYES_MISALIGNED
         jumped = self._odometer is not None and self._odometer.jumps.contradict
         return Reason.DISTANCES_WRONG if jumped else Reason.NONE
@@ -65,10 +54,7 @@ class MotionWatch:
     @property
     def focal_difference(self) -> FocalDifference:
         """Return what the eyes' rows tell of the difference between their focal lengths."""
-        if self._grown_frames == 0:
-            return UNWATCHED
-        frames = min(self._grown_frames, self.growth_frames)
-        return FocalDifference(-self._growth, math.hypot(self.lasting_growth_std, self.growth_std / math.sqrt(frames)))
+        return UNWATCHED if self._alignment is None else self._alignment.focal_difference
 
     def add_sample(self, sample: ImuSample) -> None:
         """Take a finite sample, later than the one before it; a clipped one counts as missing."""
@@ -121,18 +107,8 @@ class MotionWatch:
 
     def finish_frame(self) -> None:
         """Judge the last second and prepare the next frame, once the estimate has left."""
-        if self._clock is None or self._odometer is None:
+        if self._clock is None or self._odometer is None or self._alignment is None:
             return
         self._odometer.prepare_next()
-        self._check_alignment(self._odometer.skew)
+        self._alignment.add(self._odometer.skew)
         self._clock.update()
-
-    def _check_alignment(self, skew: Skew) -> None:
-        if not math.isnan(skew.growth):
-            self._grown_frames += 1
-            self._growth += (skew.growth - self._growth) / min(self._grown_frames, self.growth_frames)
-        grown = self._grown_frames >= self.growth_frames and abs(self._growth) > self.most_growth
-        if abs(skew.px) > self.most_skew_px or grown:
-            self._aligned_frames = 0
-        elif abs(skew.px) <= self.most_skew_px:  # not where it is NaN
-            self._aligned_frames += 1
