@@ -13,6 +13,7 @@ import zenoh
 
 from lab.faults.criteria import STALE_S, Errors, Wrong, errors_of, flags, ground_errors, is_wrong_attitude
 from lab.faults.daemon_process import DEVICE
+from lab.faults.echo import Echo
 from messages import TOPICS, Attitude, GroundPlane, GroundTruth, Health, Reason, Stamp, Status
 from messages.can_estimates import ReceivedGround
 from messages.can_frames import CanFrame
@@ -21,7 +22,7 @@ from messages.codec import decode
 from sim_rig.wearer import SimulatedWearer
 
 _NOTHING_OFF = Errors(0.0, 0.0, False)
-_PROMPT_NS = 25_000_000  # without `take` for so long, half a frame, the listener itself was late
+_PROMPT_NS = 25_000_000  # without `take` for so long, half a frame, the listener itself was late; see also `Echo`
 _SAME_BY_NOW_NS = 100_000_000  # so long after CAN the same ground has come on Zenoh too, if it does,
 _AS_ONE_NS = 25_000_000  # exposed within so much, half a frame: on CAN an exposure is told by the time of arrival
 _LAST = 8
@@ -59,9 +60,9 @@ class HeardOnCan(NamedTuple):
 class Listener:
     """Hears one daemon after the other. `take` is called over and over; what it finds is appended to the lists.
 
-    What is heard after the listener itself was held up (no `take` for 25 ms) says nothing about when it was sent: its
-    lateness is not judged, on CAN nothing of it; `held_up` counts those messages of all that were `heard`. `wrong`
-    counts all that was ever wrong and marked valid.
+    What is heard after the listener itself was held up (no `take` for 25 ms, or its own echo late) says nothing about
+    when it was sent: its lateness is not judged, on CAN nothing of it; `held_up` counts those messages of all that were
+    `heard`. `wrong` counts all that was ever wrong and marked valid.
     """
 
     def __init__(self, wearer: SimulatedWearer) -> None:
@@ -78,6 +79,7 @@ class Listener:
         self.heard = self.held_up = 0
         self.wrong = Wrong()
         self._session: zenoh.Session | None = None
+        self._echo: Echo | None = None
 
     def connect(self, endpoint: str) -> None:
         """Subscribe to the daemon that listens there, one that numbers its messages anew."""
@@ -88,12 +90,16 @@ class Listener:
             "connect": {"endpoints": [endpoint]},
             "scouting": {"multicast": {"enabled": False}},
         }
+        self._echo = Echo()
         self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
         for name in ("ground", "attitude", "health"):
             self._subscribe(self._session, name)
 
     def close(self) -> None:
         """End the session, if there is one."""
+        echo, self._echo = self._echo, None
+        if echo is not None:
+            echo.close()
         session, self._session = self._session, None
         if session is not None:
             session.close()  # type: ignore[no-untyped-call]  # zenoh's stubs leave it bare
@@ -138,7 +144,8 @@ class Listener:
         session.declare_subscriber(topic.key(DEVICE), hear)
 
     def _is_prompt(self, now_ns: int) -> bool:
-        return now_ns - self._took_ns < _PROMPT_NS
+        echoes = self._echo is None or self._echo.is_prompt(now_ns)
+        return echoes and now_ns - self._took_ns < _PROMPT_NS
 
     def _take_ground(self, t_ns: int, prompt: bool, ground: GroundPlane, stamp: Stamp) -> None:
         truth = self._wearer.truth_of(ground)
