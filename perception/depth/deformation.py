@@ -36,7 +36,7 @@ class DeformationSettings:
     sigmas: float = 4.0  # of the many tiles the one that is farthest off
     contradicts_px: float = 0.07  # beyond those; of the first `settled_frames` in two in a row,
     at_once_px: float = 0.14  # or in one: of many tiles beside an edge one is farther off by chance
-    settles_px: float = 0.04  # likewise: less ends the contradiction
+    settles_px: float = 0.04  # likewise: less, in `settled_frames` in a row, ends the contradiction
     settled_frames: int = 6
     doubtful_sigmas: float = 2.0
     doubtful_px: float = 0.05
@@ -65,6 +65,7 @@ class DeformationWatch:
         self._of_picture = (0, 0)
         self._up_down, self._newest, self._along = (_TileMeans(self._of_picture) for _ in range(3))
         self._frames = 0
+        self._calm_frames = 0
         self._was_beyond = False
         self._verdict = SOUND
 
@@ -123,8 +124,8 @@ class DeformationWatch:
         sure = self._was_beyond or self._frames >= s.settled_frames or far_px > s.at_once_px
         contradicts = (beyond and sure) or along_px > s.contradicts_along_px
         self._was_beyond = beyond
-        if self._verdict.contradicts and not contradicts:
-            contradicts = self._frames < s.settled_frames or max(far_px, along_px) > s.settles_px
+        self._calm_frames = 0 if max(far_px, along_px) > s.settles_px else self._calm_frames + 1
+        contradicts |= self._verdict.contradicts and self._calm_frames < s.settled_frames
         unlikely_px = float((np.abs(y_px) - s.doubtful_sigmas * y_std_px).max()) - self._calibrated_px
         doubtful = unlikely_px > s.doubtful_px
         size_px = math.hypot(_beyond_chance(y_px, y_std_px), _beyond_chance(x_px, x_std_px))

@@ -109,7 +109,7 @@ def test_what_covers_blurs_or_turns_the_view_leaves_no_plane_of_chance(name: str
 )
 def test_an_eye_that_stands_askew_or_behind_a_bent_window_spoils_no_attitude(kind: str, size: str, reason: str) -> None:
     """What such eyes see of a walk is a turn and a ground that moves: believed, it spoils the vertical by 5°."""
-    walk, chance = OfflineWalk(2, "ramps", 8.0), np.random.default_rng(2)
+    walk, chance = OfflineWalk(24, "level", 8.0), np.random.default_rng([24, 18])
     change, _ = deformed_view.drawn(kind, size, chance, walk.wearer.unit.stereo)
     pipeline, judged = walk.new_pipeline(), Judged()
     for message in struck(walk.inputs, [Strike(pictures(change), START_NS, FOR_EVER_NS)]):
