@@ -18,6 +18,7 @@ import numpy as np
 from messages import StereoCalibration
 from messages.arrays import BoolArray, Float32Array, FloatArray, GreyImage
 from perception import so3
+from perception.motion.bent_distances import Bend
 from perception.motion.distance_jump import DistanceJumps
 from perception.motion.eye_alignment import RowSkew
 from perception.motion.inner_motion import InnerMotion, steady_motion
@@ -31,7 +32,8 @@ class EgoMotion:
     """The mean motion of C between two exposures.
 
     `t_before_ns` and `t_after_ns` are mid-exposures of two frames. `w_C_radps` and `v_C_mps` (3,) are angular rate and
-    velocity, in C as it was before; `covariance` (6, 6) is that of both, rate first.
+    velocity, in C as it was before; `covariance` (6, 6) is that of both, rate first. `bend` is what the step tells of
+    the distances that it rests on.
     """
 
     t_before_ns: int
@@ -40,6 +42,7 @@ class EgoMotion:
     v_C_mps: FloatArray
     covariance: FloatArray
     tracks: int
+    bend: Bend
 
 
 class _Pair(NamedTuple):
@@ -181,6 +184,7 @@ class VisualOdometer:
             v_C_mps=step.rates[3:] + p_m[0] / step_s,
             covariance=step.covariance + self._common + np.diag(noise**2),
             tracks=step.inliers,
+            bend=step.bend,
         )
 
 

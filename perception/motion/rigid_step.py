@@ -29,17 +29,20 @@ import numpy as np
 
 from messages.arrays import BoolArray, FloatArray
 from perception import so3
+from perception.motion.bent_distances import Bend
 from perception.motion.inner_motion import InnerMotion
 
 
 @dataclass(frozen=True)
 class RigidStep:
-    """δω and δv of (1) (6,), their covariance (6, 6), which points (N,) agree, and whether that was likely."""
+    """δω and δv of (1) (6,), their covariance (6, 6), which points (N,) agree, whether that was likely, and the bend
+    of the distances."""
 
     rates: FloatArray
     covariance: FloatArray
     agrees: BoolArray
     likely: bool
+    bend: Bend
 
     @property
     def inliers(self) -> int:
@@ -94,6 +97,7 @@ class PointsInStep:
         seen = np.ascontiguousarray((R1T @ inside).transpose(2, 1, 0))
         self._by_rates, self._steady, self._travel = seen[:6], seen[6], seen[7]
         self._intervals_s, self._to_s, self._disparity = to_s - from_s, to_s, disparity
+        self.places: FloatArray = (points_C[:, :2] / points_C[:, 2:]).T
 
     def moved(self, rates: FloatArray) -> FloatArray:
         """Return X' (3, N) of (1)."""
@@ -230,8 +234,26 @@ def _refined(
     agrees = distance < _INLIER_SIGMAS * noise
     likely = bool(_is_likely(rates, prior, settings))
     least = settings.least_points if likely else max(settings.least_surprising, settings.majority * seen.shape[1])
-    step = RigidStep(rates, noise**2 * inverse, agrees, likely)
+    bend = _bend(points.places, h, weight * share, along, flow, inverse, noise)
+    step = RigidStep(rates, noise**2 * inverse, agrees, likely, bend)
     return None if noise > most or step.inliers < least else step
+
+
+def _bend(
+    places: FloatArray,
+    h: FloatArray,
+    weight: FloatArray,
+    along: FloatArray,
+    flow: FloatArray,
+    covariance: FloatArray,
+    noise: float,
+) -> Bend:
+    """Return what is told of disparities that are wrong by (b, c) · `places` (2, N): least squares of r = h (b, c) ·
+    places, the motion's six unknowns, of `covariance` (6, 6) over noise², eliminated (Schur). `along` is hᵀ r."""
+    weighted = weight * places
+    with_flow = (h * flow).sum(axis=1) @ weighted.T
+    information = ((h * h).sum(axis=0) * weighted) @ places.T - with_flow.T @ covariance @ with_flow
+    return Bend(information / noise**2, weighted @ along / noise**2)
 
 
 def _across(vectors: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ from perception.attitude.camera_step import CameraStep
 from perception.attitude.foretold import MotionForetold
 from perception.attitude.imu_model import corrected
 from perception.depth.focal_lengths import UNWATCHED, FocalDifference
+from perception.motion.bent_distances import BentDistances
 from perception.motion.clock_lag import ClockLagMonitor
 from perception.motion.ego_motion import EgoMotion, VisualOdometer
 from perception.motion.eye_alignment import EyeAlignment
@@ -28,6 +29,7 @@ class MotionWatch:
         self._odometer: VisualOdometer | None = None
         self._clock: ClockLagMonitor | None = None
         self._alignment: EyeAlignment | None = None
+        self._bent = BentDistances(calibration.residual)
         if isinstance(calibration, Calibration):
             self._odometer = VisualOdometer(calibration.stereo)
             self._alignment = EyeAlignment(calibration.stereo.left.fx_px, calibration.residual.rows_rad)
@@ -49,7 +51,7 @@ class MotionWatch:
         if self._alignment is not None and self._alignment.contradicts:
             return Reason.EYES_MISALIGNED
         jumped = self._odometer is not None and self._odometer.jumps.contradict
-        return Reason.DISTANCES_WRONG if jumped else Reason.NONE
+        return Reason.DISTANCES_WRONG if jumped or self._bent.contradicts else Reason.NONE
 
     @property
     def focal_difference(self) -> FocalDifference:
@@ -83,6 +85,8 @@ class MotionWatch:
         were_wrong = self._eyes_are_wrong is not Reason.NONE  # when they saw the distances that this step rests on
         motion = self._odometer.add_frame(t_ns, frame.left, frame.right, inner)
         self._clock.add_motion(motion)
+        if motion is not None:
+            self._bent.add(motion.bend)
         if motion is None or were_wrong or self._eyes_are_wrong is not Reason.NONE:
             return None
         return self._step_in_B(motion)

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from messages import Calibration, Pose, Vec3, matrix3, vec3
+from perception.motion.bent_distances import Bend
 from perception.motion.ego_motion import EgoMotion
 from sim_rig.walk.gait import Gait
 from sim_rig.walk.scenario import Pace, scenario
@@ -53,6 +54,7 @@ def seen(walk: Gait, from_ns: int, to_ns: int, noise: float = 1.0, seed: int = 0
         v_C_mps=R_BC.T @ v_B + noise * chance.normal(0.0, VELOCITY_NOISE_MPS, 3),
         covariance=np.diag([RATE_NOISE_RADPS**2] * 3 + [VELOCITY_NOISE_MPS**2] * 3),
         tracks=50,
+        bend=Bend(np.zeros((2, 2)), np.zeros(2)),
     )
 
 
