@@ -227,6 +227,8 @@ class Pipeline:
         self._passes_over = self._load is Load.REDUCED and not self._passes_over
         follows = not (self._passes_over and self._motion.can_miss(frame.header.t_exposure_ns))
         step = self._motion.add_frame(frame, self._attitude.foretold) if follows else None
+        if self._motion.scale_is_doubtful:
+            self._attitude.doubt_distances()
         if step is not None and not self._pictures_are_wrong:
             self._attitude.add_camera_step(step, sound=self._motion.reason is Reason.NONE)
         placed = self._placed(frame.header)

@@ -238,11 +238,21 @@ def has_slipped(kalman: AttitudeKalman, state: AttitudeState) -> bool:
 
 def judge_distances(kalman: AttitudeKalman, state: AttitudeState) -> None:
     """Hold the camera's distances for wrong from where their scale is beyond what the calibration leaves, as well as
-    it is known, until it is well within."""
-    settings = kalman.settings.camera
-    sigmas = settings.right_scale_sigmas if state.distances_are_wrong else settings.wrong_scale_sigmas
-    likely = math.hypot(kalman.calibrated_scale, _scale_deviation(kalman, state))
-    state.distances_are_wrong = abs(state.scale) > sigmas * likely
+    it is known, until it is known and well within."""
+    settings, deviation = kalman.settings.camera, _scale_deviation(kalman, state)
+    were_wrong = state.distances_are_wrong
+    sigmas = settings.right_scale_sigmas if were_wrong else settings.wrong_scale_sigmas
+    beyond = abs(state.scale) > sigmas * math.hypot(kalman.calibrated_scale, deviation)
+    state.distances_are_wrong = beyond or (were_wrong and deviation > settings.known_scale)
+
+
+def doubt_distances(settings: CameraStepSettings, state: AttitudeState) -> None:
+    """Let the scale of the camera's distances be unknown, and hold them for wrong until it is known."""
+    state.distances_are_wrong = True
+    if state.ground.moves:
+        state.ground.frozen_scale_var += settings.doubtful_scale**2
+    else:
+        state.covariance[SCALE, SCALE] += settings.doubtful_scale**2
 
 
 def distance_scale(kalman: AttitudeKalman, state: AttitudeState) -> float:

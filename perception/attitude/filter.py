@@ -14,7 +14,7 @@ from perception.attitude import beginning
 from perception.attitude.accelerometer import follow_temperature
 from perception.attitude.agreement import Innovation
 from perception.attitude.camera_step import CameraStep, begin_step, measure_step
-from perception.attitude.causes import distance_scale, ground_is_plausible, has_slipped
+from perception.attitude.causes import distance_scale, doubt_distances, ground_is_plausible, has_slipped
 from perception.attitude.foretold import MotionForetold, foretold
 from perception.attitude.kalman import AttitudeKalman
 from perception.attitude.movement import movement_covariance, unseen_travel
@@ -73,6 +73,10 @@ class AttitudeFilter:
         self._kalman.correct(state)
         beginning.doubt_gyro(self._kalman, state, missing_rad)
         return True
+
+    def doubt_distances(self) -> None:
+        """Let the next steps of the camera tell the scale of its distances, and hold them for wrong until then."""
+        doubt_distances(self.settings.camera, self._state)
 
     def begin_camera_step(self) -> None:
         """Let a step of the camera begin at the last sample."""

@@ -34,6 +34,8 @@ class CameraStepSettings:
     # refused, one in 370 here.
     wrong_scale_sigmas: float = 3.0
     right_scale_sigmas: float = 2.0
+    doubtful_scale: float = 0.05  # of distances that have jumped, and which must be known so well to be right again:
+    known_scale: float = 0.005
     # What samples lose of an acceleration, as a part of its second derivative: to the accelerometer's filter, two poles
     # alike with −3 dB at 44 Hz, 5.4e-6; to the lines between samples at 100 Hz, in both its sums, the rest. A walker's
     # bob would seem 0.2 % too small, distances as much too long.

@@ -23,6 +23,7 @@ from messages.arrays import FloatArray
 from perception import so3
 from perception.attitude.agreement import Advice, Agreement, Innovation
 from perception.attitude.camera_step import CameraStep
+from perception.attitude.causes import doubt_distances
 from perception.attitude.confirmation import Confirmation
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings, AttitudeState
 from perception.attitude.foretold import MotionForetold
@@ -161,6 +162,14 @@ class AttitudeTrack:
     def distance_scale(self) -> float:
         """Return by what share the camera's distances are likely too long."""
         return self._filter.distance_scale
+
+    def doubt_distances(self) -> None:
+        """Let the next steps tell the scale of the camera's distances, which hold for wrong until it is known: eyes may
+        have moved, and back."""
+        self._filter.doubt_distances()
+        for _, state in self._checkpoints:
+            doubt_distances(self._filter.settings.camera, state)
+        self._step_end = self._trial = None
 
     def add_camera_step(self, step: CameraStep, *, sound: bool = True) -> None:
         """Correct the attitude by a step of the camera, and all attitudes since with it.

@@ -8,7 +8,8 @@ bent, all corners differ at once, at (x, y) by
 
 The step takes its distances from the pair before, and both are told by pictures alone: neither the IMU nor any idea of
 the ground has part in this. Only corners that agree with the step count: what moves by itself tells nothing. Jumps are
-summed up until they cancel out.
+summed up until they cancel out, or until something else tells that distances are right again: the one back may be
+missed, in a frame that shows nothing, and where the IMU errs a step may be wrong by as much as a jump.
 """
 
 import math
@@ -52,6 +53,15 @@ class DistanceJumps:
         self.contradict = False
         self.newest_px = math.nan
 
+    @property
+    def jumped(self) -> bool:
+        """Return whether distances differed by a jump in the newest picture."""
+        return self.newest_px > self._settings.least_px
+
+    def forget(self) -> None:
+        """Take distances for right from now on."""
+        self._sum, self.contradict = np.zeros(3), False
+
     def add(self, corners_px: Float32Array, off_px: FloatArray) -> None:
         """Take corners (N, 2) of one left picture and d − d' (N,) of each, pixels."""
         settings, self.newest_px = self._settings, math.nan
@@ -64,7 +74,7 @@ class DistanceJumps:
         if not agreed:
             return
         self.newest_px = _largest_px(jump, places_px)
-        if self.newest_px <= settings.least_px:
+        if not self.jumped:
             kept = settings.usual_kept if self._usual_corners else 0.0
             self._usual_corners = kept * self._usual_corners + (1.0 - kept) * len(off_px)
         elif self.contradict or len(off_px) >= settings.first_share * self._usual_corners:

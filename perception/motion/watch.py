@@ -13,6 +13,7 @@ from perception.attitude.imu_model import corrected
 from perception.depth.focal_lengths import UNWATCHED, FocalDifference
 from perception.motion.bent_distances import BentDistances
 from perception.motion.clock_lag import ClockLagMonitor
+from perception.motion.distance_jump import DistanceJumps
 from perception.motion.ego_motion import EgoMotion, VisualOdometer
 from perception.motion.eye_alignment import EyeAlignment
 from perception.motion.inner_motion import InnerMotion, RecentSamples
@@ -30,6 +31,9 @@ class MotionWatch:
         self._clock: ClockLagMonitor | None = None
         self._alignment: EyeAlignment | None = None
         self._bent = BentDistances(calibration.residual)
+        self.scale_is_doubtful = False
+        """Whether with the newest frame jumps of distances are forgotten: they are not bent, but by their scale, which
+        pictures do not tell, they may be wrong."""
         if isinstance(calibration, Calibration):
             self._odometer = VisualOdometer(calibration.stereo)
             self._alignment = EyeAlignment(calibration.stereo.left.fx_px, calibration.residual.rows_rad)
@@ -76,7 +80,9 @@ class MotionWatch:
 
         `foretold` is what is expected at the newest sample; it tells where to look, and what is not the ground.
         """
-        if self._clock is None or self._odometer is None or not isinstance(frame, StereoFrame):
+        if self._clock is None or self._odometer is None or self._alignment is None:
+            return None
+        if not isinstance(frame, StereoFrame):
             return None
         if frame.left.shape[::-1] != self._odometer.raw_size_px:
             return None
@@ -85,11 +91,21 @@ class MotionWatch:
         were_wrong = self._eyes_are_wrong is not Reason.NONE  # when they saw the distances that this step rests on
         motion = self._odometer.add_frame(t_ns, frame.left, frame.right, inner)
         self._clock.add_motion(motion)
-        if motion is not None:
-            self._bent.add(motion.bend)
+        self._judge_bend(motion, self._odometer.jumps, self._alignment)
         if motion is None or were_wrong or self._eyes_are_wrong is not Reason.NONE:
             return None
         return self._step_in_B(motion)
+
+    def _judge_bend(self, motion: EgoMotion | None, jumps: DistanceJumps, alignment: EyeAlignment) -> None:
+        """Forget jumps of distances that are not bent since, and such as begin at distances of misaligned eyes."""
+        self.scale_is_doubtful = False
+        if jumps.jumped:
+            self._bent.forget()
+        elif motion is not None:
+            self._bent.add(motion.bend)
+        if jumps.contradict and (self._bent.is_straight or alignment.contradicts):
+            jumps.forget()
+            self.scale_is_doubtful = True
 
     def _inner_motion(self, odometer: VisualOdometer, t_ns: int, foretold: MotionForetold | None) -> InnerMotion | None:
         if odometer.t_before_ns is None or t_ns <= odometer.t_before_ns:

@@ -126,6 +126,33 @@ def test_an_eye_that_stands_askew_or_behind_a_bent_window_spoils_no_attitude(kin
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("size", ["1", "2"])
+def test_a_window_that_stretches_the_view_along_the_rows_is_told_from_the_start(size: str) -> None:
+    """Nothing that two eyes see contradicts it, and it stays: only how the ground moves does."""
+    walk = OfflineWalk(3, "level", 8.0)
+    change, _ = deformed_view.drawn("stretched", size, np.random.default_rng(3), walk.wearer.unit.stereo)
+    pipeline, grounds = walk.new_pipeline(), list[GroundPlane]()
+    for message in struck(walk.inputs, [Strike(pictures(change), START_NS, FOR_EVER_NS)]):
+        grounds += [told for told in pipeline.step(message) if isinstance(told, GroundPlane)]
+    walking = [ground for ground in grounds if ground.t_exposure_ns > START_NS + 4_000_000_000]
+    assert {ground.reason for ground in walking} == {Reason.DISTANCES_WRONG}
+
+
+@pytest.mark.long
+def test_distances_that_seem_to_jump_as_a_late_eye_is_in_time_again_are_right_again_within_seconds() -> None:
+    walk = OfflineWalk(5, "mixed", 14.0)
+    from_ns, until_ns = START_NS + 6_000_000_000, START_NS + 9_000_000_000
+    late = KINDS["right-late"].draw(np.random.default_rng(5), walk.wearer.unit.stereo)
+    pipeline, grounds = walk.new_pipeline(), list[GroundPlane]()
+    for message in struck(walk.inputs, [Strike(late, from_ns, until_ns)]):
+        grounds += [told for told in pipeline.step(message) if isinstance(told, GroundPlane) and told.frame_seq >= 0]
+    assert Reason.DISTANCES_WRONG in {ground.reason for ground in grounds if ground.t_exposure_ns >= until_ns}
+    last = [ground for ground in grounds if ground.t_exposure_ns >= until_ns + 4_000_000_000]
+    assert sum(ground.status is Status.VALID for ground in last) > 0.9 * len(last)
+    assert wrong(grounds, walk.wearer) == 0
+
+
+@pytest.mark.long
 def test_a_sound_view_after_seconds_of_darkness_is_not_called_deformed() -> None:
     """Meanwhile the IMU's velocity has drifted to metres a second, whose flow would show between the eyes' rows."""
     walk, chance = OfflineWalk(1, "ramps", 9.5), np.random.default_rng(1)

@@ -13,6 +13,7 @@ from perception.attitude.beginning import after_gap
 from perception.attitude.causes import (
     _doubt_ground,
     distance_scale,
+    doubt_distances,
     follow_ground,
     has_slipped,
     judge_distances,
@@ -203,6 +204,22 @@ def test_wrong_distances_stay_wrong_until_their_scale_is_well_within_what_the_ca
         judge_distances(kalman, state)
         said.append(state.distances_are_wrong)
     assert said == [True, True, False, False]
+
+
+def test_distances_in_doubt_are_wrong_until_their_scale_is_known_again_on_a_ground_that_moves_too() -> None:
+    kalman, state = with_scale(0.001, 0.0008)
+    doubt_distances(AttitudeSettings().camera, state)
+    said = []
+    for std in (0.05, 0.01, 0.004):
+        assert state.distances_are_wrong
+        state.covariance[SCALE, SCALE] = std**2
+        judge_distances(kalman, state)
+        said.append(state.distances_are_wrong)
+    assert said == [True, True, False]
+    _doubt_ground(state, AttitudeSettings().camera)
+    doubt_distances(AttitudeSettings().camera, state)
+    judge_distances(kalman, state)
+    assert state.distances_are_wrong
 
 
 def test_most_of_a_scale_within_what_the_calibration_leaves_is_corrected_once_it_is_known() -> None:
