@@ -127,8 +127,9 @@ _LEAST_CORNERS = 20
 _MOST_SPREAD_PX = 0.2
 """Median about (1): more, and the matches do not agree on any."""
 _ROUNDS = 5
-_FAR_SPREADS, _STD_OF_SPREAD = 3.0, 1.5
-"""Median deviations: where a weight is halved, and in one standard deviation."""
+_FAR_SPREADS, _STD_OF_SPREAD = 3.0, 2.2
+"""Median deviations: where a weight is halved, and in one standard deviation of what one frame shows beside another,
+half as much again as of normal errors: neighbours err alike."""
 _PRIOR = np.diag((0.0, 1e-4, 1e-4, 1e-4))
 """So little is known of a term that the corners' places say nothing about."""
 _TINY = 1e-12

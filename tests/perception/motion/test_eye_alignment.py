@@ -55,7 +55,7 @@ def test_corners_on_one_column_say_nothing_of_what_differs_between_columns() -> 
 
 
 @pytest.mark.parametrize(
-    ("roll", "growth", "toe"), [(0.003, 0.0, 0.0), (-0.003, 0.0, 0.0), (0.0, -0.003, 0.0), (0.0, 0.0, 0.01)]
+    ("roll", "growth", "toe"), [(0.003, 0.0, 0.0), (-0.003, 0.0, 0.0), (0.0, -0.005, 0.0), (0.0, 0.0, 0.01)]
 )
 def test_a_turned_eye_is_told_within_a_second_and_forgiven_after_three_frames(
     roll: float, growth: float, toe: float
