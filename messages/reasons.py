@@ -30,10 +30,10 @@ class Reason(str, enum.Enum):
     TIME_INCONSISTENT = "time_inconsistent"  # the frame's stamp contradicts its arrival, or the IMU's clock
     LATE = "late"  # computed so late that the wearer has moved on
     IMU_INCONSISTENT = "imu_inconsistent"  # the IMU measures another motion than the camera sees
-    EYES_MISALIGNED = "eyes_misaligned"  # one eye sees everything higher, or larger, than its calibration says
+    EYES_MISALIGNED = "eyes_misaligned"  # one eye is turned, or sees all higher or larger, than calibrated
     CAMERA_SLIPPED = "camera_slipped"  # the camera has turned on its mount: calibrate it to the IMU
     DISTANCES_WRONG = (
-        "distances_wrong"  # the eyes have jumped apart, or see more, or less, motion than the IMU: calibrate
+        "distances_wrong"  # bent across the picture, at once other ones, or of another scale than the IMU's: calibrate
     )
     VIEW_DEFORMED = "view_deformed"  # something before a lens moves part of its picture: clean the window
     UNCONFIRMED = "unconfirmed"  # no camera has checked the gyroscope for long, or not long enough since

@@ -1,7 +1,4 @@
-"""Camera and IMU side by side, message by message: the motion that each of them measures.
-
-And one eye beside the other: what they see of a corner must lie on one epipolar line, and not all distances may jump.
-"""
+"""Camera and IMU side by side, message by message: the motion that each of them measures."""
 
 import numpy as np
 
@@ -11,11 +8,9 @@ from perception.attitude.camera_step import CameraStep
 from perception.attitude.foretold import MotionForetold
 from perception.attitude.imu_model import corrected
 from perception.depth.focal_lengths import UNWATCHED, FocalDifference
-from perception.motion.bent_distances import BentDistances
 from perception.motion.clock_lag import ClockLagMonitor
-from perception.motion.distance_jump import DistanceJumps
 from perception.motion.ego_motion import EgoMotion, VisualOdometer
-from perception.motion.eye_alignment import EyeAlignment
+from perception.motion.eyes import Eyes
 from perception.motion.inner_motion import InnerMotion, RecentSamples
 
 
@@ -27,85 +22,64 @@ class MotionWatch:
 
     def __init__(self, calibration: UnitCalibration) -> None:
         self._imu = calibration.imu
-        self._odometer: VisualOdometer | None = None
-        self._clock: ClockLagMonitor | None = None
-        self._alignment: EyeAlignment | None = None
-        self._bent = BentDistances(calibration.residual)
-        self.scale_is_doubtful = False
-        """Whether with the newest frame jumps of distances are forgotten: they are not bent, but by their scale, which
-        pictures do not tell, they may be wrong."""
+        self._eyes: Eyes | None = None
         if isinstance(calibration, Calibration):
-            self._odometer = VisualOdometer(calibration.stereo)
-            self._alignment = EyeAlignment(calibration.stereo.left.fx_px, calibration.residual.rows_rad)
-            self._clock = ClockLagMonitor(calibration, self._odometer.R_LC)
-            self._R_BC = np.array(calibration.X_BL.R) @ self._odometer.R_LC
+            self._eyes = Eyes(calibration)
+            R_LC = self._eyes.odometer.R_LC
+            self._clock = ClockLagMonitor(calibration, R_LC)
+            self._R_BC = np.array(calibration.X_BL.R) @ R_LC
             self._p_BC_m = calibration.X_BL.p_m
             self._samples = RecentSamples(self._R_BC, self._p_BC_m)
 
     @property
     def reason(self) -> Reason:
         """Return EYES_MISALIGNED, DISTANCES_WRONG or TIME_INCONSISTENT while something contradicts, else NONE."""
-        if self._eyes_are_wrong is not Reason.NONE:
-            return self._eyes_are_wrong
-        late = self._clock is not None and self._clock.contradicts
-        return Reason.TIME_INCONSISTENT if late else Reason.NONE
+        if self._eyes is None:
+            return Reason.NONE
+        if self._eyes.reason is Reason.NONE and self._clock.contradicts:
+            return Reason.TIME_INCONSISTENT
+        return self._eyes.reason
 
     @property
-    def _eyes_are_wrong(self) -> Reason:
-        if self._alignment is not None and self._alignment.contradicts:
-            return Reason.EYES_MISALIGNED
-        jumped = self._odometer is not None and self._odometer.jumps.contradict
-        return Reason.DISTANCES_WRONG if jumped or self._bent.contradicts else Reason.NONE
+    def scale_is_doubtful(self) -> bool:
+        """Return whether with the newest frame distances seem right again, by all but their scale."""
+        return self._eyes is not None and self._eyes.scale_is_doubtful
 
     @property
     def focal_difference(self) -> FocalDifference:
         """Return what the eyes' rows tell of the difference between their focal lengths."""
-        return UNWATCHED if self._alignment is None else self._alignment.focal_difference
+        return UNWATCHED if self._eyes is None else self._eyes.focal_difference
 
     def add_sample(self, sample: ImuSample) -> None:
         """Take a finite sample, later than the one before it; a clipped one counts as missing."""
-        if self._clock is not None and not sample.clipped:
+        if self._eyes is not None and not sample.clipped:
             sf_B_mps2, w_B_radps = corrected(sample, self._imu)
             self._samples.add(sample.t_sample_ns, sf_B_mps2, w_B_radps)
             self._clock.add_sample(sample.t_sample_ns, w_B_radps)
 
     def can_miss(self, t_exposure_ns: int) -> bool:
         """Return whether a frame of that time may be passed over: the next, as much later again, can be followed."""
-        if self._odometer is None or self._odometer.t_before_ns is None:
+        if self._eyes is None or self._eyes.odometer.t_before_ns is None:
             return True
-        return 2e-9 * (t_exposure_ns - self._odometer.t_before_ns) < self._odometer.longest_step_s
+        return 2e-9 * (t_exposure_ns - self._eyes.odometer.t_before_ns) < self._eyes.odometer.longest_step_s
 
     def add_frame(self, frame: Frame, foretold: MotionForetold | None = None) -> CameraStep | None:
         """Take a frame and return how the camera moved, where that is known from two eyes that are as calibrated.
 
         `foretold` is what is expected at the newest sample; it tells where to look, and what is not the ground.
         """
-        if self._clock is None or self._odometer is None or self._alignment is None:
+        if self._eyes is None or not isinstance(frame, StereoFrame):
             return None
-        if not isinstance(frame, StereoFrame):
-            return None
-        if frame.left.shape[::-1] != self._odometer.raw_size_px:
+        if frame.left.shape[::-1] != self._eyes.odometer.raw_size_px:
             return None
         t_ns = frame.header.t_exposure_ns
-        inner = self._inner_motion(self._odometer, t_ns, foretold)
-        were_wrong = self._eyes_are_wrong is not Reason.NONE  # when they saw the distances that this step rests on
-        motion = self._odometer.add_frame(t_ns, frame.left, frame.right, inner)
+        inner = self._inner_motion(self._eyes.odometer, t_ns, foretold)
+        were_wrong = self._eyes.reason is not Reason.NONE  # when they saw the distances that this step rests on
+        motion = self._eyes.add_frame(t_ns, frame.left, frame.right, inner)
         self._clock.add_motion(motion)
-        self._judge_bend(motion, self._odometer.jumps, self._alignment)
-        if motion is None or were_wrong or self._eyes_are_wrong is not Reason.NONE:
+        if motion is None or were_wrong or self._eyes.reason is not Reason.NONE:
             return None
         return self._step_in_B(motion)
-
-    def _judge_bend(self, motion: EgoMotion | None, jumps: DistanceJumps, alignment: EyeAlignment) -> None:
-        """Forget jumps of distances that are not bent since, and such as begin at distances of misaligned eyes."""
-        self.scale_is_doubtful = False
-        if jumps.jumped:
-            self._bent.forget()
-        elif motion is not None:
-            self._bent.add(motion.bend)
-        if jumps.contradict and (self._bent.is_straight or alignment.contradicts):
-            jumps.forget()
-            self.scale_is_doubtful = True
 
     def _inner_motion(self, odometer: VisualOdometer, t_ns: int, foretold: MotionForetold | None) -> InnerMotion | None:
         if odometer.t_before_ns is None or t_ns <= odometer.t_before_ns:
@@ -127,8 +101,7 @@ class MotionWatch:
 
     def finish_frame(self) -> None:
         """Judge the last second and prepare the next frame, once the estimate has left."""
-        if self._clock is None or self._odometer is None or self._alignment is None:
+        if self._eyes is None:
             return
-        self._odometer.prepare_next()
-        self._alignment.add(self._odometer.skew)
+        self._eyes.finish_frame()
         self._clock.update()

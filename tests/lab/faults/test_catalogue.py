@@ -144,11 +144,9 @@ def test_a_changed_image_differs_and_the_true_one_stays(hardware: FaultyHardware
     assert not hardware.camera.image_changes
 
 
-def test_only_what_nothing_contradicts_is_called_undetectable() -> None:
-    """One more needs an argument from observability, here and in docs/results/faults.md."""
-    listed = {name: fault for name, fault in CATALOGUE.items() if fault.expect is Expect.UNDETECTABLE}
-    assert set(listed) == {"cam-window-stretched-first"}
-    assert "who stands gives nothing else to compare" in listed["cam-window-stretched-first"].reason
+def test_nothing_is_called_undetectable() -> None:
+    """One that is needs an argument from observability, here and in docs/results/faults.md."""
+    assert not [fault.name for fault in CATALOGUE.values() if fault.expect is Expect.UNDETECTABLE]
 
 
 def test_what_is_there_before_the_start_is_a_fault_of_the_hardware(tmp_path: Path) -> None:
