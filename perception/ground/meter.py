@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from messages import DepthCalibration, Image, Reason, Residual, StereoCalibration
-from messages.arrays import FloatArray
+from messages.arrays import BoolArray, FloatArray, IntArray
 from perception.depth.depth_camera import DepthCamera
 from perception.depth.disparity import DisparityCamera, DisparityPatch, OutOfRangeError
 from perception.depth.eye_shifts import EyeShifts
@@ -34,6 +35,20 @@ class GroundMeasurement:
     fit: PlaneFit | None = None
     lasting_cov: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
     patch: DisparityPatch | None = None
+
+
+class Pixels(NamedTuple):
+    """Pixels with a disparity: their rays (N, 3) in H, disparities (N,), points (N, 3) in H, and in which block (N,) of
+    the picture each lies."""
+
+    rays_H: FloatArray
+    disparity_px: FloatArray
+    points_H: FloatArray
+    block: IntArray
+
+    def only(self, chosen: BoolArray) -> "Pixels":
+        """Return those `chosen` (N,)."""
+        return Pixels(self.rays_H[chosen], self.disparity_px[chosen], self.points_H[chosen], self.block[chosen])
 
 
 class GroundMeter:
@@ -110,18 +125,16 @@ class GroundMeter:
         matched_share = float(np.isfinite(disparity_px[on_predicted]).mean()) if on_predicted.any() else 0.0
         points_H = rays_H * (fB_px_m / disparity_px)[..., None]
         rise_m = predicted.rise_m(points_H)
-        ground_share = float((np.abs(rise_m[on_predicted]) < margin_m).mean()) if on_predicted.any() else 0.0
-        inside = region.contains(points_H) & (np.abs(rise_m) < margin_m)
-        if ground_share < self.least_ground_share or np.count_nonzero(inside) < _LEAST_PIXELS:
+        near = np.abs(rise_m) < margin_m
+        ground_share = float(near[on_predicted].mean()) if on_predicted.any() else 0.0
+        if ground_share < self.least_ground_share or np.count_nonzero(near & region.contains(points_H)) < _LEAST_PIXELS:
             return GroundMeasurement(self._unseen(Reason.LOW_TEXTURE, images, points_C), matched_share)
         unseen_share = 1.0 - float((rise_m[on_predicted] > -margin_m).mean())
 
-        block = blocks(disparity_px.shape, stride)[inside]
-        rays_H, disparity_px, points_H = rays_H[inside], disparity_px[inside], points_H[inside]
+        all_near = Pixels(rays_H[near], disparity_px[near], points_H[near], blocks(disparity_px.shape, stride)[near])
         common_px = self.beside_unseen_px * unseen_share
-        fit = self._fitter.fit(
-            rays_H, disparity_px, region.weights(points_H), block=block, common_px=common_px, expected=expected
-        )
+        pixels, fit = self._fitted(all_near, region, common_px, expected)
+        points_H, disparity_px = pixels.points_H, pixels.disparity_px
         if rough or fit is None or not self.is_even(fit) or fit.noise_px > self.even_noise_px:
             through = rough_plane(points_H, disparity_px / np.abs(points_H[:, 2]), region, known=rough)
             if through is not None:
@@ -131,23 +144,67 @@ class GroundMeter:
             return GroundMeasurement(self._unseen(Reason.NOT_PLANAR, images, points_C), matched_share)
         if fit.plane.steepness_rad > (STEEPEST_BOUNDED_RAD if region.bounded else self._fitter.steepest_rad):
             return GroundMeasurement(Reason.TOO_STEEP, matched_share)
-        misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
+        misfit_px = self._misfit_px(pixels, fit)
         ground = is_ground(points_H, fit.plane.rise_m(points_H), np.abs(misfit_px) < 3.0 * fit.noise_px, region)
         if not ground.all():
-            rays_H, disparity_px, points_H = rays_H[ground], disparity_px[ground], points_H[ground]
-            block = block[ground]
-            weights = region.weights(points_H)
-            fit = self._fitter.refined(rays_H, disparity_px, weights, fit.plane, block, common_px) or fit
-            misfit_px = disparity_px - rays_H @ fit.plane.theta(fB_px_m)
+            pixels = pixels.only(ground)
+            points_H, disparity_px = pixels.points_H, pixels.disparity_px
+            fit = self._refitted(pixels, region, common_px, fit)
+            misfit_px = self._misfit_px(pixels, fit)
         if self._is_faint(fit):
             fit = replace(fit, covariance=self.faint_factor**2 * fit.covariance)
         lasting = self._residual_cov(fit.plane, R_HC, focal_difference)
-        lasting += relief_cov(fit, points_H, disparity_px, misfit_px, block, region, self.locking_px)
+        lasting += relief_cov(fit, points_H, disparity_px, misfit_px, pixels.block, region, self.locking_px)
         if fit.noise_px <= self.even_noise_px:
             lasting += bumps_cov(fit, points_H, disparity_px, misfit_px, region)
         if region.bounded:
             fit = replace(fit, covariance=fit.covariance + _beside_borders(region))
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)
+
+    def _fitted(
+        self, near: Pixels, region: FootholdRegion, common_px: float, expected: Plane | None
+    ) -> tuple[Pixels, PlaneFit | None]:
+        """Return the plane of the pixels over `region`, and those pixels.
+
+        Where they were measured says which are over it, and how much each counts, for a first plane only. A disparity
+        that is too large shows a point too near and too high, one that is too small too far and too low: by measured
+        places the region would gain the former at its far end and the latter at its near one, and rise ahead by 0.5°
+        where it is short. On the plane errors move no point.
+        """
+        inside = near.only(region.contains(near.points_H))
+        fit = self._fitter.fit(
+            inside.rays_H,
+            inside.disparity_px,
+            region.weights(inside.points_H),
+            block=inside.block,
+            common_px=common_px,
+            expected=expected,
+        )
+        if fit is None:
+            return inside, None
+        about = replace(
+            region, half_length_m=region.half_length_m + _ERRS_M, half_width_m=region.half_width_m + _ERRS_M
+        )
+        inside = near.only(region.contains(self._on_plane(near, fit)) & about.contains(near.points_H))
+        return inside, self._refitted(inside, region, common_px, fit)
+
+    def _refitted(self, pixels: Pixels, region: FootholdRegion, common_px: float, fit: PlaneFit) -> PlaneFit:
+        """Return the plane near that of `fit` which the pixels support, or `fit` where they are too few."""
+        weight = region.weights(self._on_plane(pixels, fit))
+        return (
+            self._fitter.refined(pixels.rays_H, pixels.disparity_px, weight, fit.plane, pixels.block, common_px) or fit
+        )
+
+    def _on_plane(self, pixels: Pixels, fit: PlaneFit) -> FloatArray:
+        """Return where (N, 3) in H the pixels' rays meet the plane."""
+        fB_px_m = self._fitter.fB_px_m
+        on_plane_px = np.maximum(pixels.rays_H @ fit.plane.theta(fB_px_m), _LEAST_DISPARITY_PX)
+        points_H: FloatArray = pixels.rays_H * (fB_px_m / on_plane_px)[:, None]
+        return points_H
+
+    def _misfit_px(self, pixels: Pixels, fit: PlaneFit) -> FloatArray:
+        misfit_px: FloatArray = pixels.disparity_px - pixels.rays_H @ fit.plane.theta(self._fitter.fB_px_m)
+        return misfit_px
 
     def _is_plane(self, fit: PlaneFit, points_H: FloatArray, region: FootholdRegion, expected: Plane | None) -> bool:
         """Return whether a plane is what is seen, and not clutter: on faint texture only one that is expected, about
@@ -242,6 +299,8 @@ STEEPEST_BOUNDED_RAD = float(np.radians(15.0))
 """Between two edges nothing is steeper that one steps on: what is, the matcher makes of an edge."""
 _DRAWN_OVER_M = 0.0015
 _RADIUS_OF_GYRATION = 0.577  # of a uniform stretch, in half-lengths
+_ERRS_M = 0.04
+"""So far along the ray a point may be measured from where it is: farther, and it is something before the ground."""
 _LEAST_DEPTH_M = 0.1
 _LEAST_PIXELS = 100
 _LEAST_DISPARITY_PX = 1e-6

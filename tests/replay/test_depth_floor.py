@@ -41,5 +41,5 @@ def test_the_floor_in_a_depth_image_is_the_plane_of_its_points(step_m: float) ->
     assert found.fit is not None
     assert found.matched_share > 0.8
     assert found.fit.inlier_share > 0.6  # a wheel stands in the region
-    assert np.degrees(found.fit.plane.steepness_rad) < 0.12
+    assert np.degrees(found.fit.plane.steepness_rad) < 0.15  # least squares of its points' heights: 0.18° off the other
     assert abs(found.fit.plane.height_m - true["camera_height_m"]) < 0.004
