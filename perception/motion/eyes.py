@@ -58,4 +58,5 @@ class Eyes:
     def finish_frame(self) -> None:
         """Find what to follow into the next frame, once the estimate has left."""
         self.odometer.prepare_next()
+        self.scale_is_doubtful = False
         self._alignment.add(self.odometer.skew)

@@ -248,8 +248,8 @@ def _bend(
     covariance: FloatArray,
     noise: float,
 ) -> Bend:
-    """Return what is told of disparities that are wrong by (b, c) · `places` (2, N): least squares of r = h (b, c) ·
-    places, the motion's six unknowns, of `covariance` (6, 6) over noise², eliminated (Schur). `along` is hᵀ r."""
+    """Return what is told of disparities that are too small by (b, c) · `places` (2, N): least squares of r = h (b, c)
+    · places, the motion's six unknowns, of `covariance` (6, 6) over noise², eliminated (Schur). `along` is hᵀ r."""
     weighted = weight * places
     with_flow = (h * flow).sum(axis=1) @ weighted.T
     information = ((h * h).sum(axis=0) * weighted) @ places.T - with_flow.T @ covariance @ with_flow
