@@ -1,8 +1,9 @@
 """Are distances as calibrated across the picture? Bent ones move as no rigid body does.
 
-Where disparities are too small by b x + c y at (x, y, 1), points on one side are taken for nearer than they are, and
-those on the other for farther. While the camera travels, the near ones then do not pass as fast as they should, whatever
-their distances are and however the camera turns: b and c follow from two left pictures and the distances in between.
+Where disparities are too small by b x + c y at (x, y, 1), points on one side are taken for farther than they are, and
+those on the other for nearer. While the camera travels, the former pass faster than they should and the latter slower,
+whatever their distances are and however the camera turns: b and c follow from two left pictures and the distances of
+the first.
 Only a share k d of disparities d is seen in no motion, as it is that of a speed 1 + k times as high: it is the scale of
 distances, which the IMU tells.
 
