@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lab.faults.deformed_view import turned_eye
 from messages import Lens, Pose, StereoCalibration, matrix3, vec3
-from messages.arrays import GreyImage
+from messages.arrays import FloatArray, GreyImage
+from perception import so3
 from perception.motion.ego_motion import VisualOdometer
 from tests.bench.data_folder import shared_data
 
@@ -75,3 +78,27 @@ def test_distances_jump_in_a_real_video_where_an_eye_slips_and_nowhere_else(slip
     assert contradicts == expected
     still = [jump for number, jump in enumerate(jumps_px) if told[number] and number not in (100, 200)]
     assert max(still) < 0.25  # of 0.4, which counts as a jump
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("axis", "term"), [((0.0, 0.0, 1.0), 0), ((0.0, 1.0, 0.0), 2)], ids=["rolled", "toed"])
+def test_by_how_much_an_eye_is_turned_is_seen_in_its_rows(axis: tuple[float, float, float], term: int) -> None:
+    folder, turn_rad = shared_data("oakd_balcony_floor"), np.radians(0.5)
+    still, turned = rows_of(folder, np.eye(3)), rows_of(folder, so3.exp(turn_rad * np.array(axis)))
+    assert turned[term] - still[term] == pytest.approx(turn_rad, rel=0.15)
+    others = np.delete(turned - still, term)
+    assert np.abs(others).max() < 0.15 * turn_rad
+
+
+def rows_of(folder: Path, R: FloatArray) -> FloatArray:
+    """Return roll, focal difference and toe-in (3,) of the right eye turned by R, the median of sixty frames."""
+    stereo = calibration(folder)
+    odometer, change, told = VisualOdometer(stereo), turned_eye(stereo, R, left=False), list[FloatArray]()
+    for number, (left, right) in enumerate(islice(pairs(folder), 60)):
+        odometer.add_frame(1_000_000_000 + number * FRAME_NS, *change((left, right)))
+        odometer.prepare_next()
+        if odometer.skew is not None:
+            told.append(odometer.skew.by_place)
+    assert len(told) > 50
+    median: FloatArray = np.median(told, axis=0)
+    return median
