@@ -37,7 +37,7 @@ class BentDistances:
     sigmas = 4.0  # of chance
     averaged_steps = 12  # of those that tell anything
     least_std = 3.5e-3  # a step that tells less, as of one who stands, is none
-    known_std = 3e-4
+    known_std = 3e-4  # of both, from which on nothing bent is called straight
 
     def __init__(self, residual: Residual) -> None:
         shifts = math.hypot(residual.rows_rad, residual.toe_in_rad, math.sqrt(2.0) * residual.focal_length_std)

@@ -1,7 +1,7 @@
 """Whether the eyes stand to each other as calibrated, by how much lower the right one sees corners than the left one.
 
 Both eyes see on one row what lies on it, however far. A right eye that is turned by the small angles ν about its x, τ
-about its y and ρ about its z, and whose focal length is (1 + γ) times the calibrated one's share of the left one's,
+about its y and ρ about its z, and whose focal length, over the left one's, is 1 + γ times what the calibration says,
 sees what belongs on its ray (x, y, 1) lower by
 
     s = ν + ρ x + γ y + τ x y,                                                                                (1)
