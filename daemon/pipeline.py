@@ -32,6 +32,7 @@ from messages import (
     Tick,
     UnitCalibration,
 )
+from perception.attitude.camera_step import CameraStep
 from perception.attitude.filter import AttitudeSettings
 from perception.attitude.history import AttitudeAt
 from perception.attitude.sensor_errors import MountingErrors, SensorErrors
@@ -173,8 +174,8 @@ class Pipeline:
         self._imu_silent = False
         self._motion.add_sample(sample)
         attitude = self._attitude.add_sample(sample)
-        inconsistent = self._contradiction is Reason.IMU_INCONSISTENT
-        if inconsistent:
+        pictures_are_late = self._motion.reason is Reason.TIME_INCONSISTENT
+        if self._attitude.contradiction is Reason.IMU_INCONSISTENT and not pictures_are_late:
             attitude = self._attitude.invalid_at(sample.t_sample_ns, Reason.IMU_INCONSISTENT)
         yield attitude
         yield self._propagated(attitude)
@@ -229,10 +230,11 @@ class Pipeline:
         step = self._motion.add_frame(frame, self._attitude.foretold) if follows else None
         if self._motion.scale_is_doubtful:
             self._attitude.doubt_distances()
-        if step is not None and not self._pictures_are_wrong:
-            self._attitude.add_camera_step(step, sound=self._motion.reason is Reason.NONE)
+        if step is not None:
+            self._add_camera_step(step)
         placed = self._placed(frame.header)
-        if step is not None and not isinstance(placed, Reason) and not self._attitude.knows_velocity:
+        tells_velocity = self._motion.step_is_sound and not self._attitude.knows_velocity
+        if step is not None and tells_velocity and not isinstance(placed, Reason):
             placed = step.with_velocity(placed)
         path, steps = PathAhead(), NextSteps()
         if not isinstance(placed, Reason):
@@ -254,6 +256,12 @@ class Pipeline:
             self._motion.finish_frame()
         if self._contradiction is Reason.NONE and self._attitude.is_confirmed:
             self._attitude.checkpoint()
+
+    def _add_camera_step(self, step: CameraStep) -> None:
+        if self._motion.step_is_sound and not self._pictures_are_wrong:
+            self._attitude.add_camera_step(step, sound=self._motion.reason is Reason.NONE)
+        else:
+            self._attitude.check_turn(step)
 
     @property
     def _contradiction(self) -> Reason:

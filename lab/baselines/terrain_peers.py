@@ -50,7 +50,7 @@ class ColumnMedians:
             self._track.add_sample(message)
         elif isinstance(message, StereoFrame):
             motion = self._watch.add_frame(message, self._track.foretold)
-            if motion is not None:
+            if motion is not None and self._watch.step_is_sound:
                 self._track.add_camera_step(motion)
             said = self._said(message)
             self._watch.finish_frame()

@@ -65,7 +65,7 @@ class RenderedErrors:
 
 
 def odometer_steps(wearer: SimulatedWearer, seconds: float) -> Iterator[tuple[int, CameraStep | None]]:
-    """Yield for each rendered frame its header's t_exposure_ns and the step that is told with it, if one is.
+    """Yield for each rendered frame its header's t_exposure_ns and the sound step that is told with it, if one is.
 
     The attitude filter foretells where to look, as in the service.
     """
@@ -75,7 +75,8 @@ def odometer_steps(wearer: SimulatedWearer, seconds: float) -> Iterator[tuple[in
             watch.add_sample(message)
             track.add_sample(message)
         elif isinstance(message, StereoFrame):
-            step = watch.add_frame(message, track.foretold)
+            found = watch.add_frame(message, track.foretold)
+            step = found if watch.step_is_sound else None
             if step is not None:
                 track.add_camera_step(step)
             watch.finish_frame()

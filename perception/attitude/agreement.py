@@ -53,6 +53,10 @@ class Innovation(NamedTuple):
     travel_squares: float
     explained: bool = False
 
+    def turn_alone(self) -> "Innovation":
+        """Return what is left where distances are wrong: neither the travel counts nor many small turns together."""
+        return self._replace(missing_rad=np.zeros(3), travel_squares=0.0, explained=False)
+
 
 class Advice(enum.Enum):
     """What to do with the state after a step."""

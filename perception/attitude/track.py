@@ -2,8 +2,6 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -31,10 +29,11 @@ from perception.attitude.history import AttitudeAt, AttitudeHistory, OutsideHist
 from perception.attitude.imu_model import corrected
 from perception.attitude.learnt import SensorLearning
 from perception.attitude.movement import Movement
+from perception.attitude.past_samples import PastSamples
 from perception.attitude.path_length import PathLength, Travel
 from perception.attitude.sensor_errors import MountingErrors, SensorErrors
 from perception.attitude.state import Sample
-from perception.vec3 import between, minus
+from perception.vec3 import minus
 
 
 class AttitudeTrack:
@@ -60,7 +59,7 @@ class AttitudeTrack:
         self._trial: AttitudeState | None = None
         self._agreement, self._confirmation = Agreement(), Confirmation()
         self._checkpoints: deque[tuple[int, AttitudeState]] = deque(maxlen=2)
-        self._recent: deque[Sample] = deque(maxlen=_MOST_RECENT)
+        self._samples = PastSamples()
         self._path = PathLength()
         self._learning = SensorLearning(calibration, learnt)
         self._temperature_degC = math.nan
@@ -103,7 +102,7 @@ class AttitudeTrack:
         calibrated = Sample(sample.t_sample_ns, sf_B_mps2, w_B_radps, sample.clipped, sample.temperature_degC)
         self._filter.update(*calibrated)
         self._newest_ns = sample.t_sample_ns
-        self._recent.append(calibrated)
+        self._samples.append(calibrated)
         rotation_cov_W = self._filter.rotation_cov_W
         if self._filter.has_begun:
             if self._before_start:
@@ -183,21 +182,38 @@ class AttitudeTrack:
             return
         pending = self._confirmation.is_pending(step.t_after_ns)
         if self._filter.has_begun and (self._agreement.contradicted or not pending):
-            self._take(step, self._newest_ns, sound=sound, pending=pending)
+            believed = not (pending or self._agreement.turn_contradicts)
+            innovation = self._take(step, self._newest_ns, sound=sound, believed=believed)
+            self._judge(innovation)
         if sound and (self._agreement.turn_is_off or pending):
             self._try(step, self._newest_ns)
         else:
             self._trial = None
 
-    def _take(self, step: CameraStep, newest_ns: int, *, sound: bool, pending: bool) -> None:
-        """Let the filter take a step; while all is still to be confirmed, it only says whether it contradicts."""
+    def check_turn(self, step: CameraStep) -> None:
+        """Let a step that rests on wrong distances say whether its turn contradicts the gyroscope; it corrects
+        nothing."""
+        self._trial = None
+        if self._newest_ns is None or step.t_after_ns > self._newest_ns or not self._filter.has_begun:
+            return
+        innovation = self._take(step.turn_alone(), self._newest_ns, sound=False, believed=False)
+        self._judge(None if innovation is None else innovation.turn_alone())
+
+    def _judge(self, innovation: Innovation | None) -> None:
+        """Go back to an earlier state where what steps say, the last of them this, contradicts the newest."""
+        advice = Advice.KEEP if innovation is None else self._agreement.add(innovation)
+        if advice is not Advice.KEEP:
+            self.roll_back(gyro_agrees=advice is Advice.DISCARD_ALL_BUT_TURNS)
+
+    def _take(self, step: CameraStep, newest_ns: int, *, sound: bool, believed: bool) -> Innovation | None:
+        """Let the filter take a step and return what it said; where it is not `believed` it corrects nothing."""
         now, at_end = self._filter.save(), self._step_end
-        if at_end is None or at_end.t_ns is None or at_end.t_ns <= self._recent[0].t_ns:
+        if at_end is None or at_end.t_ns is None or not self._samples.reaches(at_end.t_ns):
             self._step_end = now
             self._path.interrupt(newest_ns, self._filter.settings.moving_start_speed_mps)
-            return
+            return None
         if step.t_before_ns < at_end.t_ns - _OVERLAP_NS:
-            return
+            return None
         self._filter.restore(at_end)
         self._history.drop_after(at_end.t_ns)
         if step.t_before_ns > at_end.t_ns + _OVERLAP_NS:
@@ -206,20 +222,18 @@ class AttitudeTrack:
             self._path.add_unseen(step.t_before_ns, self._filter.unseen_travel(step.p_BC_m))
             self._filter.begin_camera_step()
         self._advance(step.t_after_ns)
-        innovation = self._end_camera_step(step, believed=not (pending or self._agreement.turn_contradicts))
+        innovation = self._end_camera_step(step, believed=believed)
         if sound and self._filter.without_camera_s == 0.0:
             self._confirmation.accept(step.t_after_ns)
         self._step_end = self._filter.save()
         self._advance(newest_ns)
-        advice = Advice.KEEP if innovation is None else self._agreement.add(innovation)
-        if advice is not Advice.KEEP:
-            self.roll_back(gyro_agrees=advice is Advice.DISCARD_ALL_BUT_TURNS)
+        return innovation
 
     def _try(self, step: CameraStep, newest_ns: int) -> None:
         """Let a trial take a step: a filter that doubts gyroscope and tilt, and takes the other's place once its steps
         have confirmed each other."""
         now, trial = self._filter.save(), self._trial
-        if trial is not None and trial.t_ns is not None and trial.t_ns > self._recent[0].t_ns:
+        if trial is not None and trial.t_ns is not None and self._samples.reaches(trial.t_ns):
             begun = trial.q_WB_beginning is not None
             if step.t_before_ns < trial.t_ns - begun * _OVERLAP_NS:
                 return
@@ -271,20 +285,10 @@ class AttitudeTrack:
 
     def _advance(self, until_ns: int, *, remembered: bool = True) -> None:
         """Take the samples since the filter's state again, up to `until_ns`: between two, what lies on their line."""
-        for before, sample in pairwise(self._from(self._filter.t_ns)):
-            if before.t_ns >= until_ns:
-                break
-            self._filter.update(*_between(before, sample, until_ns))
+        for sample in self._samples.from_to(self._filter.t_ns, until_ns):
+            self._filter.update(*sample)
             if remembered and self._filter.has_begun:
-                self._history.append(self._attitude_at(min(sample.t_ns, until_ns)))
-
-    def _from(self, t_ns: int | None) -> list[Sample]:
-        """Return the last sample not later than `t_ns` and all that followed; none where that is not known."""
-        recent = self._recent
-        first = len(recent) - 1
-        while t_ns is not None and first > 0 and recent[first].t_ns > t_ns:
-            first -= 1
-        return [recent[index] for index in range(first, len(recent))]
+                self._history.append(self._attitude_at(sample.t_ns))
 
     def _attitude_at(self, t_ns: int) -> AttitudeAt:
         found = self._filter
@@ -316,16 +320,9 @@ class AttitudeTrack:
             return
         checkpoint_ns, state = self._checkpoints[0]
         self._filter.restore(state)
-        if gyro_agrees and self._recent[0].t_ns <= checkpoint_ns:
-            since = [sample for sample in self._recent if sample.t_ns > checkpoint_ns]
-            if since and self._is_whole(checkpoint_ns, since):
-                self._filter.carry_by_gyro(since)
-
-    def _is_whole(self, checkpoint_ns: int, since: Sequence[Sample]) -> bool:
-        """Return whether no sample is clipped and none is missing for long."""
-        times_ns = [checkpoint_ns, *(sample.t_ns for sample in since)]
-        together = all(after - before <= self._longest_step_ns for before, after in pairwise(times_ns))
-        return together and not any(sample.clipped for sample in since)
+        since = self._samples.unbroken_since(checkpoint_ns, self._longest_step_ns) if gyro_agrees else []
+        if since:
+            self._filter.carry_by_gyro(since)
 
     def at(self, t_ns: int) -> AttitudeAt | None:
         """Return attitude and rate at `t_ns`, or None if that is not between known samples or just after the newest, or
@@ -407,19 +404,9 @@ class AttitudeTrack:
         )
 
 
-def _between(before: Sample, after: Sample, until_ns: int) -> Sample:
-    """Return `after`, or what lies on the line to it at `until_ns` where that is earlier."""
-    if after.t_ns <= until_ns:
-        return after
-    share = (until_ns - before.t_ns) / (after.t_ns - before.t_ns)
-    sf_B, w_B = between(before.sf_B, after.sf_B, share), between(before.w_B, after.w_B, share)
-    return Sample(until_ns, sf_B, w_B, before.clipped or after.clipped, before.temperature_degC)
-
-
 _MOST_BEFORE_START = 1024
 _HISTORY_S = 2.0
 _CHECKPOINT_EVERY_S = 2.0
-_MOST_RECENT = 1024
 _WATCHED_S = 0.15
 """Two frames and the samples since."""
 _NEIGHBOUR_NS = 10_000_000

@@ -23,6 +23,7 @@ class MotionWatch:
     def __init__(self, calibration: UnitCalibration) -> None:
         self._imu = calibration.imu
         self._eyes: Eyes | None = None
+        self._were_wrong = False
         if isinstance(calibration, Calibration):
             self._eyes = Eyes(calibration)
             R_LC = self._eyes.odometer.R_LC
@@ -39,6 +40,11 @@ class MotionWatch:
         if self._eyes.reason is Reason.NONE and self._clock.contradicts:
             return Reason.TIME_INCONSISTENT
         return self._eyes.reason
+
+    @property
+    def step_is_sound(self) -> bool:
+        """Return whether nothing contradicts the distances that the newest step rests on, nor those after it."""
+        return self._eyes is None or not (self._were_wrong or self._eyes.reason is not Reason.NONE)
 
     @property
     def scale_is_doubtful(self) -> bool:
@@ -64,7 +70,7 @@ class MotionWatch:
         return 2e-9 * (t_exposure_ns - self._eyes.odometer.t_before_ns) < self._eyes.odometer.longest_step_s
 
     def add_frame(self, frame: Frame, foretold: MotionForetold | None = None) -> CameraStep | None:
-        """Take a frame and return how the camera moved, where that is known from two eyes that are as calibrated.
+        """Take a frame and return how the camera moved, where that is known from two eyes, sound or not.
 
         `foretold` is what is expected at the newest sample; it tells where to look, and what is not the ground.
         """
@@ -74,12 +80,10 @@ class MotionWatch:
             return None
         t_ns = frame.header.t_exposure_ns
         inner = self._inner_motion(self._eyes.odometer, t_ns, foretold)
-        were_wrong = self._eyes.reason is not Reason.NONE  # when they saw the distances that this step rests on
+        self._were_wrong = self._eyes.reason is not Reason.NONE
         motion = self._eyes.add_frame(t_ns, frame.left, frame.right, inner)
         self._clock.add_motion(motion)
-        if motion is None or were_wrong or self._eyes.reason is not Reason.NONE:
-            return None
-        return self._step_in_B(motion)
+        return None if motion is None else self._step_in_B(motion)
 
     def _inner_motion(self, odometer: VisualOdometer, t_ns: int, foretold: MotionForetold | None) -> InnerMotion | None:
         if odometer.t_before_ns is None or t_ns <= odometer.t_before_ns:

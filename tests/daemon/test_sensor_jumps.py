@@ -26,3 +26,12 @@ def test_what_a_jump_has_done_to_the_tilt_is_stated(name: str, seed: int) -> Non
     assert sum(beyond_three_deviations(each, wearer) for each in valid) < 0.1 * len(valid)
     told = [each for each in grounds if each.status is Status.VALID]
     assert sum(errors_of(ground, wearer.truth_of(ground)).wrong for ground in told) == 0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "seed"), [("slipped-columns+gyro-flipped", 4), ("drop-2+gyro-flipped", 3)])
+def test_eyes_whose_distances_are_wrong_still_contradict_a_gyroscope(name: str, seed: int) -> None:
+    """Of their steps the turn alone counts; without it the attitude stays valid for 1.5 s."""
+    _, attitudes, _ = told_since(name, seed, 6.5)
+    valid_ns = [each.t_sample_ns for each in attitudes if each.status is Status.VALID]
+    assert max(valid_ns) - attitudes[0].t_sample_ns < 300_000_000

@@ -136,13 +136,14 @@ def test_an_eye_that_slips_along_the_rows_in_mid_walk_is_flagged_at_once_and_mis
     assert recovered_ns < back_ns + 2_500_000_000
 
 
-def test_no_step_that_rests_on_wrong_distances_is_told() -> None:
+def test_no_step_that_rests_on_wrong_distances_is_sound() -> None:
     """Not in the frame in which the eyes slip, and not in the one in which they are back: it begins at wrong points."""
     wearer, slipped = SimulatedWearer(1, scenario("level"), START_NS), range(4, 8)
     watch, change, told = MotionWatch(wearer.calibration), image_changes.right_shifted(0, -4), list[bool]()
     for number, (frame, _) in enumerate(wearer.frames(11)):
         left, right = change((frame.left, frame.right)) if number in slipped else (frame.left, frame.right)
-        told.append(watch.add_frame(msgspec.structs.replace(frame, left=left, right=right)) is not None)
+        step = watch.add_frame(msgspec.structs.replace(frame, left=left, right=right))
+        told.append(step is not None and watch.step_is_sound)
         watch.finish_frame()
     assert told == [number not in (0, *slipped, slipped.stop) for number in range(11)]
 

@@ -1,0 +1,59 @@
+"""Steps of eyes whose distances are wrong: the turn alone judges the gyroscope, and nothing is corrected."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from messages import Reason, Vec3, vec3
+from perception.attitude.camera_step import CameraStep
+from perception.attitude.track import AttitudeTrack
+from tests.bench.seen_motion import WALKING_NS, SampleAt, arrivals_until
+from tests.bench.told_track import CALIBRATION, camera_step, measured
+
+WRONG_NS, END_NS = WALKING_NS + 2_000_000_000, WALKING_NS + 3_500_000_000
+RIGHT = (1.0, 1.0, 1.0)
+
+
+def walked(track: AttitudeTrack, seed: int, signs: Vec3 = RIGHT) -> Iterator[CameraStep]:
+    """Let `track` walk, and yield the steps from WRONG_NS on; the rates have other `signs` from then on."""
+    for seq, each in enumerate(arrivals_until(END_NS, seed)):
+        if isinstance(each, SampleAt):
+            rate_B_radps = np.multiply(each.w_B_radps, signs if each.t_ns >= WRONG_NS else 1.0)
+            track.add_sample(measured(replace(each, w_B_radps=vec3(rate_B_radps)), seq))
+        elif each.t_after_ns < WRONG_NS:
+            track.add_camera_step(camera_step(each))
+        else:
+            yield camera_step(each)
+
+
+def times_contradicted(seed: int, distances: float, signs: Vec3 = RIGHT) -> list[int]:
+    """Return after which steps the gyroscope was contradicted, where distances are by a factor too long."""
+    track, contradicted = AttitudeTrack(CALIBRATION), []
+    for number, step in enumerate(walked(track, seed, signs)):
+        track.check_turn(replace(step, travel_B=vec3(distances * np.array(step.travel_B))))
+        if track.contradiction is Reason.IMU_INCONSISTENT:
+            contradicted.append(number)
+    return contradicted
+
+
+@pytest.mark.parametrize("signs", [(-1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, -1.0)])
+@pytest.mark.parametrize(("seed", "distances"), [(5, 1.3), (8, 0.5)])
+def test_a_gyroscope_with_a_wrong_sign_is_contradicted(seed: int, distances: float, signs: Vec3) -> None:
+    assert min(times_contradicted(seed, distances, signs)) < 8
+
+
+@pytest.mark.parametrize(("seed", "distances"), [(5, 1.3), (8, 0.5), (6, 0.9)])
+def test_a_sound_gyroscope_is_not(seed: int, distances: float) -> None:
+    assert times_contradicted(seed, distances) == []
+
+
+def test_nothing_is_corrected() -> None:
+    judging, unseeing = AttitudeTrack(CALIBRATION), AttitudeTrack(CALIBRATION)
+    for step in walked(judging, 5):
+        judging.check_turn(step)
+    for _ in walked(unseeing, 5):
+        pass
+    vertical = judging.newest.R_WB[2] @ unseeing.newest.R_WB[2]
+    assert np.degrees(np.arccos(min(1.0, vertical))) < 0.02
