@@ -30,6 +30,7 @@ from messages import (
     capture_ns,
 )
 from messages.codec import encode_line
+from perception.attitude.track import AttitudeTrack
 from perception.frame_guard import FrameGuard
 from perception.ground.foothold import FootholdSettings
 from perception.motion.watch import MotionWatch
@@ -353,16 +354,31 @@ def test_a_repeated_picture_is_no_ground(wearer: SimulatedWearer, inputs: list[I
     assert [g.reason for g in found[31:]] == [Reason.FROZEN_FRAME] * (len(frames) - 31)
 
 
-@pytest.mark.parametrize("reason", [Reason.IMU_INCONSISTENT, Reason.TIME_INCONSISTENT])
+@pytest.mark.parametrize(
+    ("of_pictures", "of_imu", "no_attitude"),
+    [
+        (Reason.NONE, Reason.IMU_INCONSISTENT, True),
+        (Reason.TIME_INCONSISTENT, Reason.NONE, False),
+        (Reason.TIME_INCONSISTENT, Reason.IMU_INCONSISTENT, False),
+        (Reason.DISTANCES_WRONG, Reason.NONE, False),
+        (Reason.DISTANCES_WRONG, Reason.IMU_INCONSISTENT, True),
+    ],
+)
 def test_while_imu_and_camera_contradict_each_other_there_is_no_ground(
-    wearer: SimulatedWearer, inputs: list[Input], monkeypatch: pytest.MonkeyPatch, reason: Reason
+    wearer: SimulatedWearer,
+    inputs: list[Input],
+    monkeypatch: pytest.MonkeyPatch,
+    of_pictures: Reason,
+    of_imu: Reason,
+    no_attitude: bool,
 ) -> None:
-    monkeypatch.setattr(MotionWatch, "reason", property(lambda _: reason))
+    monkeypatch.setattr(MotionWatch, "reason", property(lambda _: of_pictures))
+    monkeypatch.setattr(AttitudeTrack, "contradiction", property(lambda _: of_imu))
     estimates = run(pipeline(wearer), inputs[: len(inputs) // 4])
-    assert {g.reason for g in grounds(estimates)} == {reason}
+    assert {g.reason for g in grounds(estimates)} == {of_imu if of_pictures is Reason.NONE else of_pictures}
     assert all(g.status is Status.INVALID and g.height_m != g.height_m for g in grounds(estimates))
-    doubted = {e.reason is reason for e in estimates if isinstance(e, Attitude)}
-    assert doubted == {reason is Reason.IMU_INCONSISTENT}
+    doubted = {e.reason is Reason.IMU_INCONSISTENT for e in estimates if isinstance(e, Attitude)}
+    assert doubted == {no_attitude}
 
 
 @pytest.mark.long
