@@ -34,8 +34,9 @@ class DeformationSettings:
     least_tiles: int = 12
     least_shift_px: float = 0.02  # deviation of one tile's shift, however clear the picture
     sigmas: float = 4.0  # of the many tiles the one that is farthest off
-    contradicts_px: float = 0.07  # beyond those; of the first `settled_frames` in two in a row,
-    at_once_px: float = 0.14  # or in one: of many tiles beside an edge one is farther off by chance
+    another_m: float = 0.02  # of the way, after which what errs with the texture errs otherwise: a tile's size
+    contradicts_px: float = 0.07  # beyond those, where the two newest frames both show it,
+    at_once_px: float = 0.14  # or the newest alone: an edge passes through, and is farther off by chance
     settles_px: float = 0.04  # likewise: less, in `settled_frames` in a row, ends the contradiction
     settled_frames: int = 6
     doubtful_sigmas: float = 2.0
@@ -63,17 +64,18 @@ class DeformationWatch:
         self._settings = settings or DeformationSettings()
         self._calibrated_px = _FAR_SIGMAS * calibrated_px
         self._of_picture = (0, 0)
-        self._up_down, self._newest, self._along = (_TileMeans(self._of_picture) for _ in range(3))
-        self._frames = 0
+        self._up_down, self._newest, self._before, self._along = (_TileMeans(self._of_picture) for _ in range(4))
+        self._together = _Together(self._settings.kept_share)
         self._calm_frames = 0
-        self._was_beyond = False
         self._verdict = SOUND
 
     def begin_anew(self, *, with_newest: bool) -> None:
         """Judge what is up or down by frames to come, and by the newest: the ground changed at once, or the view."""
         self._up_down = self._newest if with_newest else _TileMeans(self._of_picture)
-        self._newest = _TileMeans(self._of_picture)
-        self._frames = int(with_newest)
+        self._newest, self._before = _TileMeans(self._of_picture), _TileMeans(self._of_picture)
+        self._together = _Together(self._settings.kept_share)
+        if with_newest:
+            self._together.add(0.0)
 
     def add(self, shifts: EyeShifts, way_m: float) -> Deformation:
         """Take the shifts of a frame that the camera comes to by `way_m`, and return what is known now."""
@@ -85,14 +87,15 @@ class DeformationWatch:
             return self._verdict
         if shifts.of_picture != self._of_picture:
             self._of_picture = shifts.of_picture
-            self._up_down, self._newest, self._along = (_TileMeans(self._of_picture) for _ in range(3))
-        self._frames += 1
+            self._up_down, self._newest, self._before, self._along = (_TileMeans(self._of_picture) for _ in range(4))
+        self._together.add(math.exp(-way_m / s.another_m))
         where = (
             slice(shifts.row, shifts.row + good.shape[0]),
             slice(shifts.column, shifts.column + good.shape[1]),
         )
         weight = np.where(good, 1.0 / (shifts.y_var_px2 + s.least_shift_px**2), 0.0)
         y_px = np.where(good, shifts.y_px - np.median(shifts.y_px[good]), 0.0)
+        self._newest, self._before = self._before, self._newest
         self._newest.add(where, y_px, weight, kept=0.0)
         self._up_down.add(where, y_px, weight, kept=s.kept_share)
         if way_m > 0.0:
@@ -118,13 +121,14 @@ class DeformationWatch:
         s = self._settings
         y_px, y_std_px = self._vertical(where, inner)
         x_px, x_std_px = self._lasting(where, inner)
-        far_px = float((np.abs(y_px) - s.sigmas * y_std_px).max()) - self._calibrated_px
+        by_newest, by_both = self._shown(y_px, where, inner)
+        off_px = np.abs(y_px) - s.sigmas * y_std_px - self._calibrated_px
         along_px = float((np.abs(x_px) - s.sigmas * x_std_px).max()) - self._calibrated_px
-        beyond = far_px > s.contradicts_px
-        sure = self._was_beyond or self._frames >= s.settled_frames or far_px > s.at_once_px
-        contradicts = (beyond and sure) or along_px > s.contradicts_along_px
-        self._was_beyond = beyond
-        self._calm_frames = 0 if max(far_px, along_px) > s.settles_px else self._calm_frames + 1
+        lasting = min(1.0, self._together.variance**-0.5)  # the deviation of who stands holds what frames share
+        contradicts = bool((off_px[by_both] > lasting * s.contradicts_px).any())
+        contradicts |= bool((off_px[by_newest] > s.at_once_px).any()) or along_px > s.contradicts_along_px
+        is_calm = float(off_px.max()) <= lasting * s.settles_px and along_px <= s.settles_px
+        self._calm_frames = self._calm_frames + 1 if is_calm else 0
         contradicts |= self._verdict.contradicts and self._calm_frames < s.settled_frames
         unlikely_px = float((np.abs(y_px) - s.doubtful_sigmas * y_std_px).max()) - self._calibrated_px
         doubtful = unlikely_px > s.doubtful_px
@@ -135,8 +139,18 @@ class DeformationWatch:
         """Return what tiles and their neighbours (n,) are shifted down more than most, and its deviation."""
         weight, y_px, _ = (each[inner] for each in self._up_down.around(where))
         y_px = y_px - np.median(y_px)
-        kept = self._settings.kept_share  # Σ kept²ᵏ / Σ keptᵏ over the frames, k = 0, 1 …
-        return y_px, np.sqrt((1.0 + kept**self._frames) / (1.0 + kept) / weight)
+        return y_px, np.sqrt(self._together.variance / weight)
+
+    def _shown(self, y_px: FloatArray, where: tuple[slice, slice], inner: BoolArray) -> tuple[BoolArray, BoolArray]:
+        """Return of which tiles (n,) the newest frame shows half of the shift or more, and of which the two newest."""
+
+        def shows(frame: _TileMeans) -> BoolArray:
+            of_frame_px = frame.around(where)[1][inner]
+            shows: BoolArray = (of_frame_px - np.median(of_frame_px)) * np.sign(y_px) > 0.5 * np.abs(y_px)
+            return shows
+
+        by_newest = shows(self._newest)
+        return by_newest, by_newest & shows(self._before)
 
     def _lasting(self, where: tuple[slice, slice], inner: BoolArray) -> tuple[FloatArray, FloatArray]:
         """Return what tiles (n,) are shifted along the rows more than others of their column, and its deviation."""
@@ -147,6 +161,29 @@ class DeformationWatch:
         of_column = (x_px * seen).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
         variance = np.maximum(square - x_px * x_px, 0.0) * (self._settings.relief_m / np.maximum(way_m, _TINY))
         return (x_px - of_column)[seen], np.sqrt(variance[seen])
+
+
+class _Together:
+    """The variance of a mean over frames, each of which counts `kept` times as much as the next, over that of one frame
+    by the sum of its weights. Errors of two in a row are correlated by c, so that of Σ keptᵏ eₖ, with S = Σ keptᵏ,
+
+        C ← 1 + kept c C,        V ← 1 + 2 kept c C + kept² V,        S ← 1 + kept S,        V / S."""
+
+    def __init__(self, kept: float) -> None:
+        self._kept = kept
+        self._of_newest = self._of_sum = self._weights = 0.0
+
+    def add(self, alike: float) -> None:
+        """Take a frame whose errors are `alike` those of the frame before: c, 1 where the camera stands."""
+        shared = self._kept * alike * self._of_newest
+        self._of_sum = 1.0 + 2.0 * shared + self._kept**2 * self._of_sum
+        self._of_newest = 1.0 + shared
+        self._weights = 1.0 + self._kept * self._weights
+
+    @property
+    def variance(self) -> float:
+        """Return V / S; 1 for a single frame."""
+        return self._of_sum / self._weights
 
 
 class _TileMeans:

@@ -17,7 +17,7 @@ from perception.ground.foothold import FootholdSettings
 from perception.ground.known_height import HeightDifference, KnownHeight
 from perception.ground.meter import GroundMeasurement, GroundMeter
 from perception.ground.plane import Plane
-from perception.ground.repetition import RepetitionWatch
+from perception.ground.repetition import RepetitionWatch, heights_as_steep
 from perception.ground.surface_change import SurfaceChange, plane_under
 from perception.ground.tracking import PlaneTracker, TrackingSettings
 from perception.ground.view_check import ViewCheck
@@ -63,7 +63,7 @@ class GroundEstimator:
         """Return whether a path with these surfaces may lie a tile off where `ground` does not, if that is valid."""
         if ground.status is not Status.VALID:
             return False
-        heights_m = [-surface.height_m for surface in surfaces if surface.height_m < 0.0]
+        heights_m = heights_as_steep(surfaces, math.tan(ground.slope_sagittal_rad))
         return self._repetition.makes_ambiguous(ground.t_exposure_ns, ground.height_m, heights_m)
 
     def set_foothold(self, foothold: FootholdSettings) -> None:

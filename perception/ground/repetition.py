@@ -7,10 +7,9 @@ the pair whose inverse heights differ by whole multiples of
 
 with h the height found and q the share of its disparities by which a tile moves them. Which of them the ground is, the
 picture tells where one fits clearly better than all others, as it does whenever the rows cross the tiles askew, or
-where the others are out of reach; else
-the track of earlier frames, which is nearer to the right one than half of δ; else nothing does. Beyond the foothold
-nothing tells the tiles apart: of such a floor there is no path, nor of one whose path shows a surface at another of
-these heights.
+where the others are out of reach; else the track of earlier frames, which is nearer to the right one than half of δ;
+else nothing does. Beyond the foothold nothing tells the tiles apart: of such a floor there is no path, nor of one whose
+path shows a surface as steep as the ground at another of these heights.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,6 +19,7 @@ from perception.depth.repeats import Repeats
 from perception.ground.meter import GroundMeasurement
 from perception.ground.plane import Plane, PlaneFit
 from perception.ground.region import FootholdRegion
+from perception.terrain.surfaces import Surface
 
 
 class RepetitionWatch:
@@ -29,6 +29,7 @@ class RepetitionWatch:
     surprising_m = 0.03  # off the height expected: the hip moves by a third of that between two frames
     least_inlier_share = 0.9  # fewer may be those of two planes
     as_far_as_tiles = 0.15  # of a tile, beside a whole number of them
+    share_off, share_off_each = 0.025, 0.02  # of a disparity: by which a height errs, and q for each tile
     most_misfit = 0.15  # of the plane to the region: level tiles leave 0.07, two treads of a stair 0.2 and more
 
     def __init__(self) -> None:
@@ -49,13 +50,18 @@ class RepetitionWatch:
         return self._ambiguous and self.repeats(t_ns)
 
     def makes_ambiguous(self, t_ns: int, height_m: float, heights_m: Sequence[float]) -> bool:
-        """Return whether surfaces that are seen so far below the camera, beside the ground at `height_m`, may be the
-        same floor a tile off: it repeats itself, and one lies where (1) puts another plane. It is ambiguous then."""
+        """Return whether planes as steep as the ground at `height_m`, seen so far below the camera, may be the same
+        floor a tile off: it repeats itself, and one lies where (1) puts another plane. It is ambiguous then."""
         if self.repeats(t_ns):
-            tiles = [abs(1.0 / other_m - 1.0 / height_m) / self._spacing_per_m for other_m in heights_m]
-            off = any(round(each) > 0 and abs(each - round(each)) < self.as_far_as_tiles for each in tiles)
-            self._ambiguous = self._ambiguous or off
+            self._ambiguous = self._ambiguous or any(self._is_tiles_off(height_m, each) for each in heights_m)
         return self.is_ambiguous(t_ns)
+
+    def _is_tiles_off(self, height_m: float, other_m: float) -> bool:
+        share = self._spacing_per_m * height_m
+        off = height_m / other_m - 1.0
+        tiles = round(off / share)
+        most_off = min(self.as_far_as_tiles * share, self.share_off + self.share_off_each * abs(tiles))
+        return tiles != 0 and abs(off - tiles * share) < most_off
 
     def check_next(self) -> None:
         """Believe what is expected only once the floor is seen not to repeat itself, or tells its planes apart."""
@@ -124,7 +130,18 @@ class RepetitionWatch:
         return height_m * half / (1.0 + half)
 
 
+def heights_as_steep(surfaces: Sequence[Surface], slope: float) -> list[float]:
+    """Return how far below the camera planes of this slope, a tangent, lie that go through the middle of those surfaces
+    that are about as steep; a plane a tile off another is."""
+    as_steep = [each for each in surfaces if abs(each.slope - slope) < _AS_STEEP + _AS_STEEP_SIGMAS * each.slope_sd]
+    heights_m = [slope * each.middle_m - each.height_m for each in as_steep]
+    return [height_m for height_m in heights_m if height_m > 0.0]
+
+
 def _where_ground_may_be(found: Repeats, plane: Plane, region: FootholdRegion) -> Repeats:
     """Return the rivals of `plane` that the region's first bounds of the height allow."""
     low_m, high_m = (region.nominal_height_m + side * region.height_margin_m for side in (-1.0, 1.0))
     return found.within((plane.height_m / high_m, plane.height_m / low_m))
+
+
+_AS_STEEP, _AS_STEEP_SIGMAS = 0.03, 3.0

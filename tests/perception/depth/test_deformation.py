@@ -136,3 +136,24 @@ def test_what_the_calibration_may_leave_is_no_deformation_until_it_is_more() -> 
     assert walked(DeformationWatch(), 60, y_px=0.4 * DROP).contradicts
     assert not walked(DeformationWatch(calibrated_px=0.1), 60, y_px=0.4 * DROP).contradicts
     assert walked(DeformationWatch(calibrated_px=0.1), 60, y_px=1.2 * DROP).contradicts
+
+
+def test_an_edge_that_passes_through_a_tile_is_no_deformation() -> None:
+    """A hard shadow's edge or a joint moves what is found of the tiles it crosses by half a pixel, in one frame."""
+    chance, watch = np.random.default_rng(7), DeformationWatch()
+    for frame in range(60):
+        crossed = np.abs(Y - (3.0 - 0.8 * (frame % 10))) < 0.3
+        seen = shown(chance, NOTHING, np.where(crossed, 0.35, 0.0))
+        clear = replace(seen, y_var_px2=np.where(crossed, 0.03**2, seen.y_var_px2))
+        assert not watch.add(clear, 0.1).contradicts
+
+
+@pytest.mark.parametrize(("way_m", "contradicts"), [(0.0, False), (0.1, True)])
+def test_who_stands_sees_the_same_errors_of_the_same_texture_again(way_m: float, contradicts: bool) -> None:
+    """Once she walks they would be others: what then stays is the picture's."""
+    chance, watch, shift = np.random.default_rng(7), DeformationWatch(), 0.0 * NOTHING
+    shift[5:8, 4:7] = -0.2
+    for _ in range(30):
+        seen = shown(chance, NOTHING, shift)
+        found = watch.add(replace(seen, y_var_px2=np.where(shift != 0.0, 0.25**2, seen.y_var_px2)), way_m)
+    assert found.contradicts is contradicts

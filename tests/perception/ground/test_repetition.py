@@ -8,7 +8,8 @@ from perception.depth.repeats import NO_REPEATS, Repeats, Rival
 from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeasurement
 from perception.ground.plane import Plane, PlaneFit
-from perception.ground.repetition import RepetitionWatch
+from perception.ground.repetition import RepetitionWatch, heights_as_steep
+from perception.terrain.surfaces import Surface
 
 REGION = FootholdSettings().region
 TRACKED = Plane((0.0, 0.0), 0.95)
@@ -150,6 +151,22 @@ def test_a_surface_of_the_path_a_tile_off_the_ground_makes_a_floor_that_repeats_
     assert watch.makes_ambiguous(0, 0.95, [0.95, other_m]) is ambiguous
     assert watch.is_ambiguous(0) is ambiguous
     assert not watch.is_ambiguous(2_000_000_000)
+
+
+@pytest.mark.parametrize(("tiles", "ambiguous"), [(1.0, True), (1.03, True), (1.13, False), (0.87, False)])
+def test_of_large_tiles_the_height_tells_a_step_from_a_tile(tiles: float, ambiguous: bool) -> None:
+    watch, brick = RepetitionWatch(), 0.09 / 0.12
+    resolved(watch, Floor(Repeats(0.02, (Rival(1.0 + brick, 0.06),))), measured(0.95), None)
+    assert watch.makes_ambiguous(0, 0.95, [0.95 / (1.0 + tiles * brick)]) is ambiguous
+
+
+def test_only_a_surface_as_steep_as_the_ground_can_be_a_tile_off() -> None:
+    """Beyond the end of a ramp it is level; its height where the ramp is measured would be a tile off by chance."""
+    ramp = Surface(0.3, 1.7, 1.0, -0.72, 0.2, 0.002, 0.003)
+    level = Surface(1.8, 2.1, 2.0, -0.56, 0.0, 0.004, 0.03)
+    unsure = Surface(2.2, 2.4, 2.3, -0.56, 0.05, 0.01, 0.08)
+    above = Surface(2.2, 2.4, 2.3, 0.6, 0.2, 0.01, 0.08)
+    assert heights_as_steep([ramp, level, unsure, above], 0.2) == pytest.approx([0.92, 1.02])
 
 
 def test_a_plane_that_the_path_foretells_is_believed_only_where_the_picture_tells_it_apart() -> None:
