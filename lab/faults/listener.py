@@ -84,6 +84,7 @@ class Listener:
     def connect(self, endpoint: str) -> None:
         """Subscribe to the daemon that listens there, one that numbers its messages anew."""
         self.close()
+        self.take()  # what is left of the daemon before has the same numbers
         self._seqs.clear()
         settings = {
             "mode": "client",

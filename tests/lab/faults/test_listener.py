@@ -1,9 +1,20 @@
-"""A ground of CAN, which tells neither its place nor its exact exposure, is held against the same one on Zenoh."""
+"""A ground of CAN, which tells neither its place nor its exact exposure, is held against the same one on Zenoh; and
+each daemon that is heard has numbers of its own."""
+
+import json
+import time
+
+import zenoh
 
 from lab.faults.criteria import Errors
-from lab.faults.listener import Heard, heard_at
-from messages import GroundTruth
-from tests.bench.can_samples import ground
+from lab.faults.daemon_process import DEVICE
+from lab.faults.listener import Heard, Listener, heard_at
+from messages import TOPICS, GroundTruth
+from messages.codec import encode_line
+from sim_rig.walk.scenario import scenario
+from sim_rig.wearer import SimulatedWearer
+from tests.bench.can_samples import ground, stamp
+from tests.bench.zenoh_peer import PATIENCE_POLLS, POLL_S, free_endpoint
 
 FRAME_NS, MS = 50_000_000, 1_000_000
 TRUTH = GroundTruth(
@@ -38,3 +49,38 @@ def test_a_ground_that_zenoh_did_not_bring_is_none_of_the_others() -> None:
     assert heard_at([], 0) is None
     assert heard_at([each for each in grounds if each.t_ns != 10 * FRAME_NS], 10 * FRAME_NS) is None
     assert heard_at(grounds, 12 * FRAME_NS + 26 * MS) is None
+
+
+def put_until_heard(endpoint: str, listener: Listener, seq: int, *, take: bool) -> None:
+    """Be a daemon that tells one ground, as often as it takes until the listener has it, and `take`s it or not."""
+    how = {
+        "mode": "peer",
+        "listen": {"endpoints": [endpoint]},
+        "scouting": {"multicast": {"enabled": False}},
+    }
+    with zenoh.open(zenoh.Config.from_json5(json.dumps(how))) as session:
+        listener.connect(endpoint)
+        publisher = session.declare_publisher(TOPICS["ground"].key(DEVICE))
+        for _ in range(PATIENCE_POLLS):
+            if publisher.matching_status.matching:
+                break
+            time.sleep(POLL_S)
+        now_ns = time.monotonic_ns()
+        publisher.put(encode_line(TOPICS["ground"], ground(t_exposure_ns=now_ns), stamp(seq=seq, t_publish_ns=now_ns)))
+        heard = listener.heard
+        for _ in range(PATIENCE_POLLS if take else 0):
+            listener.take()
+            if listener.heard > heard:
+                break
+            time.sleep(POLL_S)
+        else:
+            time.sleep(100 * POLL_S)  # it waits to be taken by then
+        listener.close()
+
+
+def test_what_waits_of_the_daemon_before_makes_no_number_of_the_next_a_repeated_one() -> None:
+    wearer = SimulatedWearer(1, scenario("standing"), time.monotonic_ns())
+    listener = Listener(wearer)
+    put_until_heard(free_endpoint(), listener, seq=7, take=False)
+    put_until_heard(free_endpoint(), listener, seq=7, take=True)
+    assert [heard.stale for heard in listener.grounds] == [False, False]
