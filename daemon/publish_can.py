@@ -8,7 +8,7 @@ still waits (the drop rule of its topic), so that nothing old is ever sent late.
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from daemon.outgoing import withdrawn_if_late
 from drivers.can.link import SendResult
@@ -18,6 +18,17 @@ from messages.can_frames import CanFrame
 
 CARRIED_SPACING_NS = TOPIC_OF[PropagatedGround].period_ns // 2
 """From one carried ground on the bus to the next, at least."""
+
+REPEAT_NS = TOPIC_OF[Setpoint].period_ns // 2
+"""From a set-point on the bus to the same once more: of its frames one is easily lost, and the foot lands once."""
+
+
+class _Waiting(NamedTuple):
+    """An estimate that is to be sent, or sent `again`."""
+
+    estimate: Estimate
+    stamp: Stamp
+    again: bool = False
 
 
 class FrameSender(Protocol):
@@ -39,7 +50,7 @@ class CanPublisher:
 
     Samples that waited for a frame are worked on one right after the other, so carried grounds come in bursts. They are
     sent half a cycle apart, the newest each time, because receivers refuse what comes on the heels of another; one that
-    a newer one replaces is no error.
+    a newer one replaces is no error. Each set-point is sent twice, half a cycle apart, unless a newer one comes first.
     """
 
     name = "can"
@@ -54,8 +65,8 @@ class CanPublisher:
         self._link = link
         self._now_ns = now_ns
         self._encoder = CanEncoder()
-        self._waiting: dict[type[Estimate], tuple[Estimate, Stamp]] = {}
-        self._carried_from_ns = 0
+        self._waiting: dict[type[Estimate], _Waiting] = {}
+        self._not_before_ns: dict[type[Estimate], int] = {}
         self._filled = threading.Condition()
 
     def publish(self, estimate: Estimate, stamp: Stamp) -> None:
@@ -63,10 +74,13 @@ class CanPublisher:
         if not isinstance(estimate, GroundPlane | PropagatedGround | Setpoint | Terrain | Health):
             return
         with self._filled:
-            if type(estimate) in self._waiting:
+            replaced = self._waiting.get(type(estimate))
+            if replaced is not None and not replaced.again:
                 self.superseded += 1
                 self.errors += not isinstance(estimate, PropagatedGround)
-            self._waiting[type(estimate)] = estimate, stamp
+            self._waiting[type(estimate)] = _Waiting(estimate, stamp)
+            if isinstance(estimate, Setpoint):
+                self._not_before_ns.pop(Setpoint, None)
             self._filled.notify()
 
     def drain(self, timeout_s: float) -> None:
@@ -77,39 +91,53 @@ class CanPublisher:
             due = self._due()
             for kind in due:
                 del self._waiting[kind]
-        for estimate, stamp in due.values():
-            if isinstance(estimate, PropagatedGround):
-                self._carried_from_ns = self._now_ns() + CARRIED_SPACING_NS
-            if self._is_late(estimate, stamp):
-                with self._filled:
-                    self.late += 1
-                    self.errors += 1
-                continue
-            for frame in self._frames(estimate, stamp):
-                result = self._link.send(frame)
-                if result is not SendResult.SENT:
-                    self._count_failure(result)
-                    break  # half an estimate is of no use, and the bus takes no more
-                self.sent += 1
+        for each in due.values():
+            if isinstance(each.estimate, PropagatedGround):
+                self._not_before_ns[PropagatedGround] = self._now_ns() + CARRIED_SPACING_NS
+            if self._is_late(each.estimate, each.stamp):
+                self._count_late(each)
+            elif self._send(each.estimate, each.stamp) and isinstance(each.estimate, Setpoint) and not each.again:
+                self._send_again(each)
 
     def close(self) -> None:
         """Release the bus; what still waits is not sent."""
         self._link.close()
 
-    def _due(self) -> dict[type[Estimate], tuple[Estimate, Stamp]]:
-        held = self._now_ns() < self._carried_from_ns
-        return {kind: each for kind, each in self._waiting.items() if not (held and kind is PropagatedGround)}
+    def _due(self) -> dict[type[Estimate], _Waiting]:
+        now_ns = self._now_ns()
+        return {kind: each for kind, each in self._waiting.items() if self._not_before_ns.get(kind, 0) <= now_ns}
 
     def _pause_s(self, timeout_s: float) -> float:
         """Return for how long to wait for something new: no longer than until what waits is due."""
-        if not self._waiting:
-            return timeout_s
-        return min(timeout_s, max(0.0, 1e-9 * (self._carried_from_ns - self._now_ns())))
+        due_ns = (self._not_before_ns.get(kind, 0) for kind in self._waiting)
+        return min((timeout_s, *(max(0.0, 1e-9 * (each_ns - self._now_ns())) for each_ns in due_ns)))
+
+    def _send(self, estimate: Estimate, stamp: Stamp) -> bool:
+        """Send all frames of an estimate; return whether the bus took them."""
+        for frame in self._frames(estimate, stamp):
+            result = self._link.send(frame)
+            if result is not SendResult.SENT:
+                self._count_failure(result)
+                return False  # half an estimate is of no use, and the bus takes no more
+            self.sent += 1
+        return True
+
+    def _send_again(self, sent: _Waiting) -> None:
+        with self._filled:
+            if Setpoint not in self._waiting:
+                self._waiting[Setpoint] = sent._replace(again=True)
+                self._not_before_ns[Setpoint] = self._now_ns() + REPEAT_NS
 
     def _is_late(self, estimate: Estimate, stamp: Stamp) -> bool:
         now_ns = self._now_ns()
         waited_s = 1e-9 * (now_ns - stamp.t_publish_ns)
         return waited_s > TOPIC_OF[type(estimate)].deadline_s or withdrawn_if_late(estimate, now_ns) is not estimate
+
+    def _count_late(self, each: _Waiting) -> None:
+        if not each.again:
+            with self._filled:
+                self.late += 1
+                self.errors += 1
 
     def _count_failure(self, result: SendResult) -> None:
         with self._filled:

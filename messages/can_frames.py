@@ -108,15 +108,21 @@ def profile(message: CanMessage) -> Profile:
     attributes = definition.dbc.attributes
     max_delta = int(attributes["E2EMaxDeltaCounter"].value)
     cycle_s = 1e-3 * int(attributes["GenMsgCycleTime"].value)
+    frames = int(attributes["FramesPerCycle"].value) if "FramesPerCycle" in attributes else 1
     if attributes["E2EProfile"].value == "PROFILE_05":
-        data_id = int(attributes["E2EDataId"].value)
-        return Profile5(length=definition.length, max_delta=max_delta, cycle_s=cycle_s, data_id=data_id)
+        return Profile5(
+            length=definition.length,
+            max_delta=max_delta,
+            cycle_s=cycle_s,
+            data_id=int(attributes["E2EDataId"].value),
+            frames_per_cycle=frames,
+        )
     return Profile2(
         length=definition.length,
         max_delta=max_delta,
         cycle_s=cycle_s,
         data_ids=bytes.fromhex(str(attributes["E2EDataIdList"].value)),
-        frames_per_cycle=int(attributes["FramesPerCycle"].value) if "FramesPerCycle" in attributes else 1,
+        frames_per_cycle=frames,
     )
 
 

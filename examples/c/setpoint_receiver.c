@@ -6,8 +6,8 @@
 
 enum { POINT = 0, QUALITY = 1, FD = 2 };
 
-/* Of the points 3 + 0.5 cycles are too long: 16 counters are gone in 3.2 cycles. */
-enum { POINT_SILENCE_NS = 5 * FRAME_CYCLE_NS / 2 };
+/* Of the points 3 + 0.5 cycles are too long: 16 counters are gone in 1.6 cycles. */
+enum { POINT_SILENCE_NS = 3 * FRAME_CYCLE_NS / 2 };
 
 /* E2EDataIdList and E2EDataId of the messages in gaiteyes.dbc. */
 static const uint8_t DATA_IDS[2][16] = {

@@ -1,6 +1,6 @@
 """The service and a virtual prosthesis in one loop, faster than real time: frames on a bus, both ways.
 
-A picture's set-point reaches the bus `COMPUTING_NS` after the picture arrived; one frame takes `FRAME_NS` of the bus.
+A picture's set-point is published `COMPUTING_NS` after the picture arrived; one frame takes `FRAME_NS` of the bus.
 """
 
 from collections.abc import Iterable, Iterator
@@ -10,13 +10,14 @@ from typing import Final
 import numpy as np
 
 from daemon.pipeline import Pipeline
+from daemon.publish_can import CanPublisher
 from daemon.stamping import Stamper
 from drivers.camera.frame_pool import FramePair
+from drivers.can.link import SendResult
 from lab.faults.offline import arrival_ns
 from lab.prosthesis.controls import InertialSlope, OfGround, ToldByTruth
 from lab.prosthesis.judge import JudgedProsthesis
 from messages import Frame, GroundTruth, ImuSample, Input, Side, Source, StereoFrame, Tick
-from messages.can_encoder import CanEncoder
 from messages.can_frames import CanFrame, CanMessage, can_id, decode_ankle, profile
 from messages.e2e import E2eCheck, E2eReceiver
 from messages.setpoint import Setpoint
@@ -87,8 +88,9 @@ class Loop:
         self.judged = fitted.with_controls(controls)
         self.node = ProsthesisNode(controls, self.judged.prosthesis, faults, fitted.seed, self.judged.advance_to)
         self._check = E2eReceiver(profile(CanMessage.ANKLE_STATE))
-        self._encoder, self._stamper = CanEncoder(), Stamper("loop", "loop", Source.SIMULATED)
-        self._on_the_way: list[Arrived] = []
+        self._stamper, self._bus = Stamper("loop", "loop", Source.SIMULATED), _Bus()
+        self._publisher = CanPublisher(self._bus, now_ns=lambda: self._bus.t_ns)
+        self._told: list[tuple[int, Setpoint]] = []
         self.ankle_states = self.ankle_refused = 0
 
     def run(self, inputs: Iterable[ImuSample | Tick | Frame]) -> None:
@@ -101,9 +103,15 @@ class Loop:
             self._step(message, t_ns)
 
     def _bring(self, t_ns: int) -> None:
-        """Let the frames that are sent by `t_ns` reach the prosthesis."""
-        while self._on_the_way and self._on_the_way[0].t_ns <= t_ns:
-            arrived = self._on_the_way.pop(0)
+        """Let the set-points that are published by `t_ns` go out, and their frames reach the prosthesis."""
+        while self._told and self._told[0][0] <= t_ns:
+            sent_ns, setpoint = self._told.pop(0)
+            self._bus.t_ns = sent_ns
+            self._publisher.publish(setpoint, self._stamper.stamp(setpoint, sent_ns))
+            self._publisher.drain(0.0)
+        self._bus.t_ns = t_ns
+        self._publisher.drain(0.0)
+        for arrived in self._bus.brought(t_ns):
             self.node.hear(arrived.frame, arrived.t_ns)
 
     def _take_ankle(self, frame: CanFrame, t_ns: int) -> None:
@@ -118,10 +126,29 @@ class Loop:
     def _step(self, message: Input, t_ns: int) -> None:
         for estimate in self._pipeline.step(message):
             if isinstance(estimate, Setpoint):
-                sent_ns = t_ns + COMPUTING_NS
-                stamp = self._stamper.stamp(estimate, sent_ns)
-                for place, frame in enumerate(self._encoder.setpoint(estimate, stamp, stamp.age_s), 1):
-                    self._on_the_way.append(Arrived(sent_ns + place * FRAME_NS, frame))
+                self._told.append((t_ns + COMPUTING_NS, estimate))
+
+
+class _Bus:
+    """A bus on which each frame takes `FRAME_NS`, at the time `t_ns` that it is told."""
+
+    def __init__(self) -> None:
+        self.t_ns = self._free_ns = 0
+        self._on_the_way: list[Arrived] = []
+
+    def send(self, frame: CanFrame) -> SendResult:
+        """Take a frame."""
+        self._free_ns = max(self._free_ns, self.t_ns) + FRAME_NS
+        self._on_the_way.append(Arrived(self._free_ns, frame))
+        return SendResult.SENT
+
+    def brought(self, t_ns: int) -> Iterator[Arrived]:
+        """Yield what has arrived by `t_ns`."""
+        while self._on_the_way and self._on_the_way[0].t_ns <= t_ns:
+            yield self._on_the_way.pop(0)
+
+    def close(self) -> None:
+        """Nothing is to be released."""
 
 
 class Covered:

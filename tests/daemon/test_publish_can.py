@@ -3,10 +3,11 @@
 import pytest
 
 from daemon.outgoing import STALE_NS
-from daemon.publish_can import CanPublisher
+from daemon.publish_can import REPEAT_NS, CanPublisher
 from drivers.can.link import SendResult
 from messages import TOPIC_OF, GroundPlane, Health
 from messages.can_frames import CanFrame, CanMessage, can_id, decode
+from messages.can_setpoint import ReceivedSetpoint, SetpointReceiver
 from tests.bench.can_samples import (
     attitude,
     ground,
@@ -205,3 +206,70 @@ def test_a_set_point_whose_ground_was_seen_too_long_ago_is_not_sent() -> None:
     publisher.drain(0.0)
     assert link.offered == []
     assert (publisher.late, publisher.errors) == (1, 1)
+
+
+def test_a_set_point_is_sent_twice_half_a_cycle_apart_and_tells_its_age_each_time() -> None:
+    link, now_ns = Link(), [SENT_NS]
+    publisher = CanPublisher(link, now_ns=lambda: now_ns[0])
+    publisher.publish(setpoint(), stamp(seq=3))
+    for wait_ns in (0, REPEAT_NS - 1, 1, REPEAT_NS, 10 * REPEAT_NS):
+        now_ns[0] += wait_ns
+        publisher.drain(0.0)
+    assert len(link.offered) == 2 * 6
+    first, again = (decode(CanMessage.SETPOINT, link.offered[k].data) for k in (0, 6))
+    assert again.numbers["age_ms"] - first.numbers["age_ms"] == 1e-6 * REPEAT_NS
+    assert again.numbers["frame_number"] == first.numbers["frame_number"]
+    assert (publisher.sent, publisher.errors) == (12, 0)
+
+
+def test_a_newer_set_point_goes_out_at_once_in_place_of_the_repetition() -> None:
+    link, now_ns = Link(), [SENT_NS]
+    publisher = CanPublisher(link, now_ns=lambda: now_ns[0])
+    publisher.publish(setpoint(), stamp(seq=3))
+    publisher.drain(0.0)
+    now_ns[0] += REPEAT_NS // 2
+    publisher.publish(setpoint(), stamp(seq=4))
+    publisher.drain(0.0)
+    now_ns[0] += REPEAT_NS // 2
+    publisher.drain(0.0)
+    assert len(link.offered) == 2 * 6
+    assert decode(CanMessage.SETPOINT, link.offered[6].data).numbers["frame_number"] == 4.0
+    assert (publisher.superseded, publisher.errors) == (0, 0)
+
+
+def test_what_the_bus_did_not_take_or_what_is_too_old_by_then_is_not_sent_again() -> None:
+    link, now_ns = Link(SendResult.LINK_DOWN), [SENT_NS]
+    publisher = CanPublisher(link, now_ns=lambda: now_ns[0])
+    publisher.publish(setpoint(), stamp(seq=3))
+    publisher.drain(0.0)
+    now_ns[0] += REPEAT_NS
+    publisher.drain(0.0)
+    assert len(link.offered) == 1
+
+    now_ns[0] = 1_000_000_000 + STALE_NS  # from the exposure on
+    publisher.publish(setpoint(), stamp(seq=4, t_publish_ns=now_ns[0], age_s=1e-9 * STALE_NS))
+    publisher.drain(0.0)
+    now_ns[0] += REPEAT_NS
+    publisher.drain(0.0)
+    assert len(link.offered) == 1 + 6
+    assert (publisher.late, publisher.errors) == (0, 1)
+
+
+def test_whichever_frame_is_lost_the_receiver_has_the_whole_set_point_half_a_cycle_later() -> None:
+    for lost in range(6):
+        link, now_ns = Link(), [SENT_NS]
+        publisher, receiver = CanPublisher(link, now_ns=lambda: now_ns[0]), SetpointReceiver()  # noqa: B023
+        heard = list[ReceivedSetpoint]()
+        for seq in range(3):
+            for again in (False, True):
+                if not again:
+                    t_ns = now_ns[0] - 40_000_000
+                    publisher.publish(setpoint(t_exposure_ns=t_ns), stamp(seq=seq, t_publish_ns=now_ns[0], age_s=0.040))
+                publisher.drain(0.0)
+                for place, frame in enumerate(link.offered):
+                    if (seq, again, place) != (2, False, lost):
+                        found = receiver.feed(frame.can_id, frame.data, now_ns[0] + 300_000 * place)
+                        heard += [found] if isinstance(found, ReceivedSetpoint) else []
+                link.offered.clear()
+                now_ns[0] += REPEAT_NS
+        assert heard[-1].age_s == pytest.approx(0.040 + 1e-9 * REPEAT_NS, abs=0.003)
