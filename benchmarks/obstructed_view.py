@@ -49,6 +49,7 @@ CASES = (
     "plain-floor",
     "rough-ground",
     "dusk",
+    "polished-floor",
 )
 
 

@@ -105,7 +105,12 @@ def measure_step(
     turned_W = so3.transform(so3.rows_from_quaternion(state.q_WB), step.turn_B)
     turn_squares, travel_squares = by_part
     return Innovation(
-        step.duration_s, np.array(turned_W), innovation[:3], turn_squares / 3.0, travel_squares / 3.0, explained
+        step.duration_s,
+        np.array(turned_W),
+        _weight(step, settings) * innovation[:3],
+        turn_squares / 3.0,
+        travel_squares / 3.0,
+        explained,
     )
 
 
@@ -145,6 +150,13 @@ def _by_lag(kalman: AttitudeKalman, state: AttitudeState, lever_0_W: Vec3, lever
     v_0 = vec3.plus_scaled(state.v_W_beginning, vec3.cross(w_0, lever_0_W), 1.0)
     v_1 = vec3.plus_scaled(state.v_W, vec3.cross(w_1, lever_1_W), 1.0)
     return np.array((*vec3.minus(w_1, w_0), *vec3.minus(v_1, v_0)))
+
+
+def _weight(step: CameraStep, settings: CameraStepSettings) -> float:
+    """Return what a turn counts for in a sum of turns, 1 where it is known well: corners that err alike do so for
+    longer than a step."""
+    turn_var_rad2 = float(np.trace(step.covariance[:3, :3])) / 3.0
+    return 1.0 / (1.0 + turn_var_rad2 / (settings.doubtful_radps * step.duration_s) ** 2)
 
 
 def _robust(noise: FloatArray, by_part: tuple[float, float], settings: CameraStepSettings) -> FloatArray:

@@ -22,6 +22,7 @@ from perception.motion.bent_distances import Bend
 from perception.motion.distance_jump import DistanceJumps
 from perception.motion.eye_alignment import RowSkew
 from perception.motion.inner_motion import InnerMotion, steady_motion
+from perception.motion.mirrored import Mirrored
 from perception.motion.rigid_step import PointsInStep, RigidStepSettings, solve
 from perception.motion.sheared import Shear
 from perception.motion.stereo_points import StereoPoints, View
@@ -80,6 +81,7 @@ class VisualOdometer:
         self._unprepared: _Pair | None = None
         self.skew: RowSkew | None = None
         self.jumps = DistanceJumps()
+        self._mirrored = Mirrored()
         self._expected: tuple[Float32Array, FloatArray] | None = None  # corners of the newest pair, and their depths
 
     @property
@@ -177,12 +179,13 @@ class VisualOdometer:
             return None
         self._expected = seen_px[step.agrees], points.moved(step.rates)[2][step.agrees]
         noise = inner.noise if step.likely else steady_motion(self._last_rates).noise
+        alike = self._mirrored.add(step.disagreeing, step.noise) / step_s * _OF_A_TANGENT
         return EgoMotion(
             t_before_ns=before.t_exposure_ns,
             t_after_ns=pair.t_exposure_ns,
             w_C_radps=so3.log(R[0] @ so3.exp(step.rates[:3] * step_s)) / step_s,
             v_C_mps=step.rates[3:] + p_m[0] / step_s,
-            covariance=step.covariance + self._common + np.diag(noise**2),
+            covariance=step.covariance + self._common + np.diag(noise**2 + alike**2),
             tracks=step.inliers,
             bend=step.bend,
         )
@@ -205,3 +208,5 @@ _OUTSIDE_PX = np.float32(1e4)
 _NEAR_PX = 1.0
 """Deviation of a guess from which tracking finds the corner without a coarser picture."""
 _USUAL_DEPTH_M = 1.0
+_OF_A_TANGENT = np.repeat((1.0, _USUAL_DEPTH_M), 3)
+"""What a change of a ray's tangent is of a turn, and of a travel."""

@@ -35,12 +35,14 @@ from perception.motion.inner_motion import InnerMotion
 
 @dataclass(frozen=True)
 class RigidStep:
-    """δω and δv of (1) (6,), their covariance (6, 6), which points (N,) agree, whether that was likely, and the bend
-    of the distances."""
+    """δω and δv of (1) (6,), their covariance (6, 6), which points (N,) agree, what share of those near does not, the
+    noise of those that do (of a tangent), whether that was likely, and the bend of the distances."""
 
     rates: FloatArray
     covariance: FloatArray
     agrees: BoolArray
+    disagreeing: float
+    noise: float
     likely: bool
     bend: Bend
 
@@ -61,6 +63,7 @@ class RigidStepSettings:
     sharp_px: float = 0.25  # the same, of a motion beside another body's that is nearly the same,
     sharp_share: float = 0.4  # which so many of the points must share
     agreeing_px: float = 1.0  # as far a point may be from a motion that it shares, before that is refined
+    near_px: float = 2.0  # and as far one that is no other body's
     likely_sigmas: float = 3.0  # of what is foretold
     least_likely_radps: float = 0.02  # what nothing foretold is better than
     least_likely_mps: float = 0.06
@@ -235,7 +238,9 @@ def _refined(
     likely = bool(_is_likely(rates, prior, settings))
     least = settings.least_points if likely else max(settings.least_surprising, settings.majority * seen.shape[1])
     bend = _bend(points.places, h, weight * share, along, flow, inverse, noise)
-    step = RigidStep(rates, noise**2 * inverse, agrees, likely, bend)
+    near = np.count_nonzero(distance < settings.near_px / settings.f_px)
+    disagreeing = 1.0 - np.count_nonzero(agrees) / max(near, np.count_nonzero(agrees))
+    step = RigidStep(rates, noise**2 * inverse, agrees, disagreeing, noise, likely, bend)
     return None if noise > most or step.inliers < least else step
 
 

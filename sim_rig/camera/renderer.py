@@ -13,16 +13,17 @@ from typing import TypeVar
 import cv2
 import numpy as np
 
-from messages import Lens
 from messages.arrays import BoolArray, FloatArray, FloatImage, GreyImage, IntArray
-from perception.depth.rectify import undistorted_rays
 from sim_rig.camera.blur import LENS_BLUR_PX, line_kernel
 from sim_rig.camera.grid import CELL, COLUMNS, ROWS, node_pixels, of_pixels
 from sim_rig.camera.light_map import LightMap, Shaded
+from sim_rig.camera.mirrored_ceiling import add_mirrored, ceiling_pieces
+from sim_rig.camera.raw_camera import Camera
 from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TILE, canvas, texel_m
-from sim_rig.camera.things_layer import Eye, ThingsLayer
+from sim_rig.camera.things_layer import ThingsLayer
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import Gait, Motion
+from sim_rig.walk.polish import Polish
 from sim_rig.walk.relief import Relief
 from sim_rig.walk.shade import Shade
 from sim_rig.walk.things import Placed, Thing, Walker
@@ -39,7 +40,6 @@ _BLUR_ROWS, _BLUR_COLUMNS = 6, 5
 _READ_NOISE = 0.9
 _SHOT_NOISE = 0.15  # deviation √(read² + (shot² · grey)): 1.7 grey levels at mid-grey
 _NOISE_MARGIN = 256
-_VIGNETTING = 0.28
 _BACKGROUND = 70
 _EVEN_GREY = 120
 
@@ -133,13 +133,26 @@ class Renderer:
                 view.draw(segment, self._world.relief, self._picture, shades)
             if shades:
                 cv2.multiply(self._picture, view.light.pixels, dst=self._picture, dtype=cv2.CV_8U)
-            sharp = cv2.GaussianBlur(self._picture, (3, 3), LENS_BLUR_PX)
-            blurred = view.blur(sharp, exposure_s) if self._effects.motion_blur else sharp  # type: ignore[arg-type]
+            blurred = self._blurred(view, self._picture, exposure_s)
+            if self._world.polish is not None:
+                self._mirror_ceiling(self._world.polish, _View(camera, motion), exposure_s, blurred)
             if instants is not None:
-                ThingsLayer(camera.eye(instants), blocks).draw_over(blurred, blur=self._effects.motion_blur)  # type: ignore[arg-type]
-            yield blurred  # type: ignore[misc]
+                ThingsLayer(camera.eye(instants), blocks).draw_over(blurred, blur=self._effects.motion_blur)
+            yield blurred
 
-    def _dimmed(self, camera: "Camera", seen: GreyImage) -> FloatImage:
+    def _blurred(self, view: "_View", picture: GreyImage, exposure_s: float) -> GreyImage:
+        """Return the picture as the lens and the motion blur it."""
+        sharp: GreyImage = cv2.GaussianBlur(picture, (3, 3), LENS_BLUR_PX)  # type: ignore[assignment]
+        return view.blur(sharp, exposure_s) if self._effects.motion_blur else sharp
+
+    def _mirror_ceiling(self, polish: Polish, view: "_View", exposure_s: float, picture: GreyImage) -> None:
+        """Add to `picture` what the floor mirrors; `view` is one that has drawn nothing yet."""
+        ceiling = np.zeros_like(picture)
+        for piece in ceiling_pieces(polish, view.x_m):
+            view.draw(piece, None, ceiling)
+        add_mirrored(polish, view.d_W, self._blurred(view, ceiling, exposure_s), picture)
+
+    def _dimmed(self, camera: Camera, seen: GreyImage) -> FloatImage:
         """Return `seen` at this renderer's contrast, shaded, in grey levels."""
         even = np.float32((1.0 - self._contrast) * _EVEN_GREY)
         dimmed = seen * np.float32(self._contrast) + even
@@ -161,28 +174,6 @@ def noise_variance(grey: _Number) -> _Number:
     return variance
 
 
-class Camera:
-    """One raw camera E: its pose in B, its rays at the nodes (rows, columns, 3) with z = 1, its shading."""
-
-    def __init__(self, lens: Lens, R_BE: FloatArray, p_BE_m: FloatArray, gain: float) -> None:
-        self.R_BE, self.p_BE_m, self.gain, self.lens = R_BE, p_BE_m, gain, lens
-        self.rays_E = undistorted_rays(lens, node_pixels(COLUMNS), node_pixels(ROWS))
-        u, v = np.arange(WIDTH_PX) - lens.cx_px, np.arange(HEIGHT_PX) - lens.cy_px
-        radius2 = (u[None] ** 2 + v[:, None] ** 2) / (WIDTH_PX / 2) ** 2
-        self.shade: GreyImage = np.rint(255 * (1 - _VIGNETTING * radius2 / radius2.max())).astype(np.uint8)
-
-    def eye(self, motion: Motion) -> Eye:
-        """Return where this camera is at the instants of `motion`."""
-        return Eye(self.lens, self.rays_E, motion.R_WB @ self.R_BE, motion.p_WB_m + motion.R_WB @ self.p_BE_m)
-
-    def px_per_ray(self, rows: IntArray, columns: IntArray) -> FloatArray:
-        """Return (…, 2, 2): how far a pixel moves for a small change of its ray's x and y, at these nodes."""
-        across = self.rays_E[rows, columns + 1] - self.rays_E[rows, columns - 1]
-        down = self.rays_E[rows + 1, columns] - self.rays_E[rows - 1, columns]
-        ray_per_px = np.stack((across, down), axis=-1)[..., :2, :] / (2 * CELL)
-        return np.linalg.inv(ray_per_px).astype(np.float64)
-
-
 class _View:
     """One camera at one frame: where each node's row of the sensor was, and where its rays went."""
 
@@ -191,7 +182,7 @@ class _View:
         self._motion = motion
         self._R_WE = motion.R_WB @ camera.R_BE
         self._o_W = motion.p_WB_m + motion.R_WB @ camera.p_BE_m
-        self._d_W = camera.rays_E @ self._R_WE.transpose(0, 2, 1)
+        self.d_W = camera.rays_E @ self._R_WE.transpose(0, 2, 1)
         self._blur_rows, self._blur_columns = np.ix_(
             ((np.arange(_BLUR_ROWS) + 0.5) * ROWS / _BLUR_ROWS).astype(int) + 1,
             ((np.arange(_BLUR_COLUMNS) + 0.5) * COLUMNS / _BLUR_COLUMNS).astype(int) + 1,
@@ -200,18 +191,22 @@ class _View:
         self._relief_m: FloatArray | None = None
         self.light = LightMap()
 
+    @property
+    def x_m(self) -> float:
+        """Return where along the way the camera was farthest back."""
+        return float(self._motion.p_WB_m[:, 0].min())
+
     def pieces_in_sight(self, world: World) -> list[Segment]:
         """Return the ground within reach, far to near: along any ray the nearest piece is drawn last."""
-        x_m = float(self._motion.p_WB_m[:, 0].min())
+        x_m = self.x_m
         ahead = list(world.between(x_m + _NEAREST_M, x_m + _REACH_M))[::-1]
-        if self._d_W[..., 0].min() >= 0.0:
+        if self.d_W[..., 0].min() >= 0.0:
             return ahead
         return [piece for piece in world.between(x_m - _REACH_M, x_m + _NEAREST_M) if piece not in ahead] + ahead
 
     def shades_in_sight(self, world: World) -> list[Shade]:
         """Return the shades that may lie on ground within reach."""
-        x_m = float(self._motion.p_WB_m[:, 0].min())
-        return world.shades_between(x_m - _REACH_M, x_m + _REACH_M)
+        return world.shades_between(self.x_m - _REACH_M, self.x_m + _REACH_M)
 
     def draw(self, segment: Segment, relief: Relief | None, picture: GreyImage, shades: Sequence[Shade] = ()) -> None:
         """Draw what of `segment` faces this camera over `picture`, with `relief` on it, and note its `light`."""
@@ -223,10 +218,10 @@ class _View:
             return
         if relief is not None:  # each node's ray meets the plane raised by the height at which it meets the ground
             if self._relief_m is None:
-                self._relief_m = relief.met(self._o_W, self._d_W)
+                self._relief_m = relief.met(self._o_W, self.d_W)
             above_m = above_m - self._relief_m
         # A ray o + λd meets the plane at λ = above / W, W = −n·d; s and c are homogeneous with W.
-        dx, dy, dz = self._d_W[..., 0], self._d_W[..., 1], self._d_W[..., 2]
+        dx, dy, dz = self.d_W[..., 0], self.d_W[..., 1], self.d_W[..., 2]
         W = along_z * dx - along_x * dz
         S = (along_x * ox + along_z * oz) * W + above_m * (along_x * dx + along_z * dz)
         C = -(self._o_W[:, 1, None] * W + above_m * dy)
@@ -270,7 +265,7 @@ class _View:
         shaded = []
         for shade in shades:
             normal = np.array(shade.normal_W)
-            along = (self._o_W @ normal)[:, None] * W + above_m * (self._d_W @ normal)
+            along = (self._o_W @ normal)[:, None] * W + above_m * (self.d_W @ normal)
             shaded.append(Shaded(along - shade.from_m * W, shade.to_m * W - along, shade.factor))
         self.light.note((W, S, length_m * W - S), shaded)
 

@@ -24,6 +24,8 @@ _VARIED = "-varied"
 _MOSAIC_TILES = {"mosaic-6cm": (0.060, 32, 1.6), "mosaic-2.5cm": (0.025, 16, 1.3)}
 """Period in metres and in texels, a power of two so that all tiles are sampled alike; the joint's width in texels."""
 
+_CEILING_TEXEL_M = 0.004
+
 _BINOMIAL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 
 
@@ -50,6 +52,8 @@ def face(texture: str, rows: int, columns: int, row_level: int, column_level: in
 
 def texel_m(texture: str) -> float:
     """Return the size of a full-size texel of `texture` on the ground."""
+    if texture == "ceiling":
+        return _CEILING_TEXEL_M
     period_m, texels, _ = _MOSAIC_TILES.get(texture.removesuffix(_VARIED), (TEXEL_M, 1, 0.0))
     return period_m / texels
 
@@ -159,6 +163,15 @@ def _print() -> FloatArray:
     return 128 + surface
 
 
+def _ceiling() -> FloatArray:
+    """Return beams and boards, dark and bright, of half a metre and more, and a row of lamps of 0.6 m by 1.2 m, as
+    white as can be, each 4.1 m."""
+    boards = np.random.default_rng(81).uniform(10.0, 70.0, (8, 8)).repeat(TILE // 8, 0).repeat(TILE // 8, 1)
+    along, across = np.arange(TILE)[:, None], np.arange(TILE)[None]
+    lamp = (along % 512 < 300) & ((across < 75) | (across >= TILE - 75))
+    return np.where(lamp, 255.0, boards)
+
+
 TEXTURES: dict[str, Callable[[], FloatArray]] = {
     "brick": lambda: _photograph("brick", 110.0),
     "grass": lambda: _photograph("grass", 118.0),
@@ -178,6 +191,7 @@ TEXTURES: dict[str, Callable[[], FloatArray]] = {
     "trousers": lambda: 80 + 5 * _noise(74, 1.2) + 6 * _noise(75, 0.2, (0.3, 1.5)),
     "cane": lambda: np.where(_joints(TILE // 4, TILE // 16), 70.0, 208 + 3 * _noise(79, 0.3)),
     "leather": lambda: 72 + 6 * _noise(76, 0.8) + 4 * _noise(77, 0.2),
+    "ceiling": _ceiling,
     "steel": lambda: 140 + 8 * _noise(78, 1.2, (1.8, 0.15)),
 }
 """Every surface by name, in grey levels of a well-exposed picture."""

@@ -13,8 +13,9 @@ import numpy as np
 
 from messages.arrays import BoolArray, FloatArray, FloatImage
 from perception.depth.rectify import intrinsics
+from sim_rig.camera.raw_camera import Camera
 from sim_rig.camera.rendered_frames import Scene
-from sim_rig.camera.renderer import Camera, noise_variance
+from sim_rig.camera.renderer import noise_variance
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX
 from sim_rig.walk.gait import Motion
 from sim_rig.walk.things import Walker

@@ -11,6 +11,7 @@ from sim_rig.walk.gait import EVEN, Gait, Habits
 from sim_rig.walk.legs import Bend, Leg, Sit, Stand, Turn, Walk
 from sim_rig.walk.own_legs import OwnLegs
 from sim_rig.walk.passers_by import PassersBy
+from sim_rig.walk.polish import Polish
 from sim_rig.walk.relief import Relief
 from sim_rig.walk.ride import Push, Ride
 from sim_rig.walk.standing_things import POSTS, SHOES
@@ -302,6 +303,12 @@ def rough_ground(pace: Pace) -> Scenario:
     return replace(walk, world=World(walk.world.lap, Relief()))
 
 
+def polished_floor(pace: Pace) -> Scenario:
+    """Return level ground of wood that mirrors the lamps above it."""
+    walk = over_level(pace, "polished-floor", "a polished wooden floor that mirrors lamps", "wood")
+    return replace(walk, world=World(walk.world.lap, polish=Polish()))
+
+
 def _mosaic(name: str, description: str) -> Callable[[Pace], Scenario]:
     return lambda pace: over_level(pace, name, description, *[name] * 4)
 
@@ -342,6 +349,7 @@ _MAKERS: dict[str, Callable[[Pace], Scenario]] = {
     "mosaic-2.5cm-varied": _mosaic("mosaic-2.5cm-varied", "square tiles of 2.5 cm, their print slightly different"),
     "plain-floor": lambda pace: over_level(pace, "plain-floor", "a poured floor, nearly plain", "resin", contrast=0.1),
     "rough-ground": rough_ground,
+    "polished-floor": polished_floor,
     "dusk": lambda pace: over_level(
         pace, "dusk", "a tenth of the contrast beside the same noise", "concrete", "paving", contrast=0.1
     ),

@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from messages.arrays import FloatArray
+from sim_rig.walk.polish import Polish
 from sim_rig.walk.relief import Relief
 from sim_rig.walk.shade import Shade
 
@@ -68,18 +69,21 @@ class Segment:
 
 @dataclass(frozen=True)
 class World:
-    """One lap of ground, repeated without end in both directions, with shadows. A `relief` is only for level ground."""
+    """One lap of ground, repeated without end in both directions, with shadows. A `relief`, or a `polish`, is only for
+    level ground."""
 
     lap: tuple[Segment, ...]
     length_m: float = field(init=False)
     relief: Relief | None = None
     shades: tuple[Shade, ...] = ()
+    polish: Polish | None = None
 
     def __post_init__(self) -> None:
         if not math.isclose(self.lap[0].z0_m, self.lap[-1].z1_m, abs_tol=1e-9):
             raise ValueError(f"lap ends {self.lap[-1].z1_m - self.lap[0].z0_m:+.3f} m off the height it began with")
-        if self.relief is not None and any(s.z0_m != 0.0 or s.z1_m != 0.0 for s in self.lap):
-            raise ValueError("a relief lies on level ground at height 0 only")
+        level = all(s.z0_m == s.z1_m == 0.0 for s in self.lap)
+        if not level and (self.relief is not None or self.polish is not None):
+            raise ValueError("a relief, or a polish, lies on level ground at height 0 only")
         object.__setattr__(self, "length_m", self.lap[-1].x1_m - self.lap[0].x0_m)
 
     def between(self, x_from_m: float, x_to_m: float) -> Iterator[Segment]:
