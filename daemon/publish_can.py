@@ -19,8 +19,10 @@ from messages.can_frames import CanFrame
 CARRIED_SPACING_NS = TOPIC_OF[PropagatedGround].period_ns // 2
 """From one carried ground on the bus to the next, at least."""
 
-REPEAT_NS = TOPIC_OF[Setpoint].period_ns // 2
-"""From a set-point on the bus to the same once more: of its frames one is easily lost, and the foot lands once."""
+REPEAT_NS = TOPIC_OF[Setpoint].period_ns // 3
+"""From a set-point on the bus to the same once more: of its frames one is easily lost, and the foot lands once.
+
+Receivers refuse what comes within a quarter of a cycle: neither this, nor a next one that is early."""
 
 
 class _Waiting(NamedTuple):
@@ -50,7 +52,7 @@ class CanPublisher:
 
     Samples that waited for a frame are worked on one right after the other, so carried grounds come in bursts. They are
     sent half a cycle apart, the newest each time, because receivers refuse what comes on the heels of another; one that
-    a newer one replaces is no error. Each set-point is sent twice, half a cycle apart, unless a newer one comes first.
+    a newer one replaces is no error. Each set-point is sent twice, unless a newer one comes first.
     """
 
     name = "can"

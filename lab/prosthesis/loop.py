@@ -30,6 +30,8 @@ from sim_rig.wearer import SimulatedWearer
 
 START_NS: Final = 10_000_000_000
 COMPUTING_NS: Final = 25_000_000
+DRAIN_NS: Final = 1_000_000
+"""After which the bus's thread looks again what is due."""
 FRAME_NS: Final = 260_000
 """Of 130 bits at 500 kbit/s."""
 
@@ -88,7 +90,7 @@ class Loop:
         self.judged = fitted.with_controls(controls)
         self.node = ProsthesisNode(controls, self.judged.prosthesis, faults, fitted.seed, self.judged.advance_to)
         self._check = E2eReceiver(profile(CanMessage.ANKLE_STATE))
-        self._stamper, self._bus = Stamper("loop", "loop", Source.SIMULATED), _Bus()
+        self._stamper, self._bus = Stamper("loop", "loop", Source.SIMULATED), _Bus(START_NS)
         self._publisher = CanPublisher(self._bus, now_ns=lambda: self._bus.t_ns)
         self._told: list[tuple[int, Setpoint]] = []
         self.ankle_states = self.ankle_refused = 0
@@ -104,13 +106,12 @@ class Loop:
 
     def _bring(self, t_ns: int) -> None:
         """Let the set-points that are published by `t_ns` go out, and their frames reach the prosthesis."""
-        while self._told and self._told[0][0] <= t_ns:
-            sent_ns, setpoint = self._told.pop(0)
-            self._bus.t_ns = sent_ns
-            self._publisher.publish(setpoint, self._stamper.stamp(setpoint, sent_ns))
+        while self._bus.t_ns < t_ns:
+            self._bus.t_ns = min(t_ns, self._bus.t_ns + DRAIN_NS)
+            while self._told and self._told[0][0] <= self._bus.t_ns:
+                published_ns, setpoint = self._told.pop(0)
+                self._publisher.publish(setpoint, self._stamper.stamp(setpoint, published_ns))
             self._publisher.drain(0.0)
-        self._bus.t_ns = t_ns
-        self._publisher.drain(0.0)
         for arrived in self._bus.brought(t_ns):
             self.node.hear(arrived.frame, arrived.t_ns)
 
@@ -132,8 +133,8 @@ class Loop:
 class _Bus:
     """A bus on which each frame takes `FRAME_NS`, at the time `t_ns` that it is told."""
 
-    def __init__(self) -> None:
-        self.t_ns = self._free_ns = 0
+    def __init__(self, t_ns: int) -> None:
+        self.t_ns = self._free_ns = t_ns
         self._on_the_way: list[Arrived] = []
 
     def send(self, frame: CanFrame) -> SendResult:
