@@ -17,7 +17,8 @@ class PathSettings:
     """The path is `half_width_m` wide to either side and reaches from `nearest_m` to `farthest_m` along x of H.
 
     Ground is looked for down to `below_m` under the ground that the wearer stands on, and up to `above_m` over it,
-    far away, half as high near the feet.
+    far away, half as high near the feet. What a polished floor mirrors lies deeper: down to `mirrored_m` it is found,
+    and left out, since where it is not looked for something else is like it by chance.
     """
 
     nearest_m: float = 0.15
@@ -25,6 +26,7 @@ class PathSettings:
     half_width_m: float = 0.25
     above_m: float = 0.60
     below_m: float = 1.50
+    mirrored_m: float = 4.50
 
 
 @dataclass(frozen=True)
@@ -80,9 +82,9 @@ def find_points(
             patch = camera.laid_on_plane(images, patch, theta_C)
         found.append(_points(camera, patch, R_HC, w_HC_C_radps, height_rate_mps / height_m, strides))
     points = PathPoints(*(np.concatenate(each) for each in zip(*found, strict=True))) if found else _NO_POINTS
-    return points.where(
-        (np.abs(points.y_m) < path.half_width_m) & (points.x_m > path.nearest_m) & (points.x_m < path.farthest_m)
-    )
+    beside = np.abs(points.y_m) > path.half_width_m
+    beyond = (points.x_m < path.nearest_m) | (points.x_m > path.farthest_m)
+    return points.where(~beside & ~beyond & (points.z_m > -(height_m + path.below_m)))
 
 
 def _views(
@@ -94,7 +96,7 @@ def _views(
     edges = np.linspace(top, bottom, len(_STRIDES) + 1)
     views = []
     for band, strides, share in zip(itertools.pairwise(edges), _STRIDES, (1.0, 0.75, 0.5), strict=True):
-        highest_m, lowest_m = max(height_m - share * path.above_m, _LEAST_HEIGHT_M), height_m + path.below_m
+        highest_m, lowest_m = max(height_m - share * path.above_m, _LEAST_HEIGHT_M), height_m + path.mirrored_m
         falls = -(np.array([[0.0, band[0], 1.0], [0.0, band[1], 1.0]]) @ R_HC.T)[:, 2]  # of a ray that is 1 deep
         if falls[1] <= _LEAST_FALL:
             continue
@@ -138,5 +140,5 @@ NOISE_PX = 0.1
 _LEAST_FALL = 0.15
 _LEAST_HEIGHT_M = 0.35
 _USUAL_RISE_M = 0.25  # over ground that is higher still, the path is narrower
-_DEEPEST_M = 4.0
+_DEEPEST_M = 12.0
 _NO_POINTS = PathPoints(*(np.empty(0) for _ in range(6)))

@@ -8,7 +8,7 @@ from messages.arrays import FloatArray, GreyImage
 from perception.depth.stereo_camera import StereoCamera
 from perception.terrain.path_points import PathPoints, PathSettings, find_points
 
-HEIGHT_M, DROP_M, LIP_M, CHECK_M, ASKEW_RAD = 0.85, 0.15, 1.0, 0.025, 0.3
+HEIGHT_M, DROP_M, LIP_M, CHECK_M, ASKEW_RAD = 0.85, 0.15, 1.0, 0.018, 0.3
 BASELINE_M, F_PX, SIZE_PX = 0.12, 350.0, (640, 360)
 HALF = np.sqrt(0.5)
 R_HC = np.array([[0.0, -HALF, HALF], [-1.0, 0.0, 0.0], [0.0, -HALF, -HALF]])
