@@ -1,4 +1,4 @@
-"""How long a newcomer waits for the first plane in a browser: `python docs/measure_first_plane.py [--clone FOLDER]`.
+"""How long a newcomer waits for the first plane in a browser: `python -m docs.measure_first_plane [--clone FOLDER]`.
 
 `gaiteyes demo` and `gaiteyes view` are started as a person does, one after the other, and a headless Chromium opens the
 address that is printed; the time ends when the page has drawn a picture and says a slope. With --clone, the project is
