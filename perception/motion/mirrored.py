@@ -18,7 +18,7 @@ class Mirrored:
 
     frames = 4.0  # about so many count
     usual_share = 0.1
-    gain = 20.0  # floors with lamps: turns were off by 12 to 25 times what (1) is without it
+    gain = 20.0  # on floors under lamps no ground is wrong and valid with 12 to 25
 
     def __init__(self) -> None:
         self._share = self._noise = 0.0
