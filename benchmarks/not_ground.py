@@ -55,6 +55,7 @@ CASES = (
     "rollator",
     "white-cane",
     "bag",
+    "polished-floor",
     *ROUGH_RMS_M,
 )
 
