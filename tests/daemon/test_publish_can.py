@@ -275,6 +275,24 @@ def test_whichever_frame_is_lost_the_receiver_has_the_whole_set_point_at_its_rep
         assert heard[-1].age_s == pytest.approx(0.040 + 1e-9 * REPEAT_NS, abs=0.003)
 
 
+def test_pictures_at_half_the_rate_leave_a_set_point_each_though_a_silence_refuses_the_first_point() -> None:
+    link, now_ns = Link(), [SENT_NS]
+    publisher, receiver = CanPublisher(link, now_ns=lambda: now_ns[0]), SetpointReceiver()
+    heard = list[ReceivedSetpoint]()
+    for seq in range(4):
+        seen_ns = now_ns[0] - 40_000_000
+        publisher.publish(setpoint(t_exposure_ns=seen_ns), stamp(seq=seq, t_publish_ns=now_ns[0], age_s=0.040))
+        for wait_ns in (REPEAT_NS, 100_000_000 - REPEAT_NS):
+            publisher.drain(0.0)
+            for place, frame in enumerate(link.offered):
+                found = receiver.feed(frame.can_id, frame.data, now_ns[0] + 300_000 * place)
+                heard += [found] if isinstance(found, ReceivedSetpoint) else []
+            link.offered.clear()
+            now_ns[0] += wait_ns
+    assert len(heard) == 4
+    assert all(each.age_s < 0.060 for each in heard)
+
+
 @pytest.mark.parametrize("early_ns", [30_000_000, 35_000_000, 50_000_000])
 def test_the_repetition_does_not_make_a_receiver_refuse_a_next_set_point_that_comes_early(early_ns: int) -> None:
     link, now_ns = Link(), [SENT_NS]

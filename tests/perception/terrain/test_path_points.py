@@ -73,3 +73,10 @@ def test_a_drop_is_no_ground_however_checkered() -> None:
     points = seen(DROP_M, NEARNESS_H)
     beyond = points.where(points.x_m > LIP_M + 0.3)
     assert float(np.mean(np.abs(beyond.z_m + HEIGHT_M + DROP_M) < 0.02)) > 0.7
+
+
+def test_what_lies_far_below_is_not_taken_for_something_above() -> None:
+    points = seen(2.0, None)
+    beyond = points.where(points.x_m > LIP_M + 0.1)
+    assert np.count_nonzero(beyond.z_m > 0.1 - HEIGHT_M) < 10  # 61 where it is not looked for so deep
+    assert beyond.z_m.min() > -HEIGHT_M - PathSettings().below_m
