@@ -19,6 +19,7 @@ from rich.progress import track as progress
 from lab.evaluation.mounting import Trial, rendered_errors
 from lab.evaluation.odometer_errors import RenderedErrors
 from messages import UserError
+from messages.arrays import BoolArray
 from messages.constants import NORMAL_95
 
 
@@ -84,18 +85,24 @@ def _tell(trials: list[dict[str, object]]) -> None:
     for trial in trials:
         if "refused" in trial:
             print(trial["refused"])
-    for what, name, factor, unit in (
-        ("camera to IMU", "turn", np.degrees(1.0), "°"),
-        ("stamps", "lag", 1e3, "ms"),
-        ("scale of distances, not taken over", "scale", 1e2, "%"),
+    for what, name, factor, unit, goal in (
+        ("camera to IMU", "turn", np.degrees(1.0), "°", 0.1),
+        ("stamps", "lag", 1e3, "ms", 1.0),
+        ("scale of distances, not taken over", "scale", 1e2, "%", 0.3),
     ):
         off = np.abs(np.array([trial[name] for trial in found]))
         std = np.array([trial[f"{name}_std"] for trial in found])
         print(
             f"{what}: off by {factor * np.sqrt((off**2).mean()):.3f} {unit} RMS, {factor * np.quantile(off, 0.95):.3f} "
             f"{unit} (95 % of them), {factor * off.max():.3f} {unit} at most; stated {factor * std.mean():.3f} {unit}; "
-            f"95 % intervals hold {100 * np.mean(off <= NORMAL_95 * std):.1f} %"
+            f"95 % intervals hold {100 * np.mean(off <= NORMAL_95 * std):.1f} %; beyond {goal} {unit} in "
+            f"{_units(factor * off > goal)} units, beyond three deviations in {_units(off > 3.0 * std)}"
         )
+
+
+def _units(beyond: BoolArray) -> int:
+    """Return for how many units it is so, of any axis."""
+    return int(np.count_nonzero(beyond.reshape(len(beyond), -1).any(axis=1)))
 
 
 if __name__ == "__main__":

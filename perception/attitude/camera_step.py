@@ -153,8 +153,8 @@ def _by_lag(kalman: AttitudeKalman, state: AttitudeState, lever_0_W: Vec3, lever
 
 
 def _weight(step: CameraStep, settings: CameraStepSettings) -> float:
-    """Return what a turn counts for in a sum of turns, 1 where it is known well: corners that err alike do so for
-    longer than a step."""
+    """Return the weight of a turn in a sum of turns, 1 where it is known well: errors that corners share outlast a
+    step."""
     turn_var_rad2 = float(np.trace(step.covariance[:3, :3])) / 3.0
     return 1.0 / (1.0 + turn_var_rad2 / (settings.doubtful_radps * step.duration_s) ** 2)
 

@@ -179,13 +179,13 @@ class VisualOdometer:
             return None
         self._expected = seen_px[step.agrees], points.moved(step.rates)[2][step.agrees]
         noise = inner.noise if step.likely else steady_motion(self._last_rates).noise
-        alike = self._mirrored.add(step.disagreeing, step.noise) / step_s * _OF_A_TANGENT
+        common = self._mirrored.add(step.disagreeing, step.noise) / step_s * _RATES_PER_TANGENT
         return EgoMotion(
             t_before_ns=before.t_exposure_ns,
             t_after_ns=pair.t_exposure_ns,
             w_C_radps=so3.log(R[0] @ so3.exp(step.rates[:3] * step_s)) / step_s,
             v_C_mps=step.rates[3:] + p_m[0] / step_s,
-            covariance=step.covariance + self._common + np.diag(noise**2 + alike**2),
+            covariance=step.covariance + self._common + np.diag(noise**2 + common**2),
             tracks=step.inliers,
             bend=step.bend,
         )
@@ -208,5 +208,5 @@ _OUTSIDE_PX = np.float32(1e4)
 _NEAR_PX = 1.0
 """Deviation of a guess from which tracking finds the corner without a coarser picture."""
 _USUAL_DEPTH_M = 1.0
-_OF_A_TANGENT = np.repeat((1.0, _USUAL_DEPTH_M), 3)
-"""What a change of a ray's tangent is of a turn, and of a travel."""
+_RATES_PER_TANGENT = np.repeat((1.0, _USUAL_DEPTH_M), 3)
+"""Turn, rad, and travel, m, that move what is seen by a tangent of 1."""

@@ -1,15 +1,15 @@
-"""By how much corners err alike where the ground mirrors what is above it, so that they err and yet agree.
+"""By how much the errors of corners are correlated where the ground mirrors what is above it.
 
-A polished floor shows itself and, as far below it, the lamps above. The two move otherwise in the picture, and a window
-that holds an edge of each is found at neither: across the lamp's edge it follows the lamp, along it the floor. Such
-corners lie between two motions, draw the one that most share towards them, and all to the same side. What they share no
-residual shows; but they leave many corners near that motion that do not agree with it, s of those within some pixels,
-and a misfit σ of those that do. By the means of both over the last frames corners are said to err alike by
+A polished floor shows itself and, as far below it, the lamps above. The two move differently in the picture, and a
+window that holds an edge of each is found at neither: across the lamp's edge it follows the lamp, along it the floor.
+Such corners pull the motion that most share towards the lamps', all of them to the same side. A common error shows in
+no residual; but many corners near that motion do not agree with it, a share s of those within some pixels, and those
+that do scatter by σ. From the means of both over the last frames the common error is estimated as
 
     c = g max(s − s₀, 0) σ                                                                                        (1)
 
-of a ray's tangent, with s₀ what bodies beside the ground, and noise that is no normal one, leave at most. On a floor
-that mirrors nothing c is nothing.
+of a ray's tangent, where s₀ is the share that other bodies, and noise that is not normal, leave at most. On a floor
+that mirrors nothing c is 0.
 """
 
 
