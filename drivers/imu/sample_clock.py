@@ -39,6 +39,7 @@ _SLACK = 0.02  # of a period: what the line may bend away from its bounds until 
 _DRIFTING_SLACK = 0.08  # the same of a clock that drifts so much that the longest window does not fit
 _BEND = 0.005  # of a period: bounds that exclude each other by more than this are looked at through a shorter window
 _CONTRADICTION = 0.10  # of a period: bounds that exclude each other by twice this belong to two lines
+_REFUTED = 0.02  # of a period: a bound that excludes the line by more has it laid anew at once
 _FIT_EVERY = 25  # samples
 _FIT_EACH_UNTIL = 100  # samples after a start
 _BISECTIONS = 20
@@ -158,6 +159,7 @@ class SampleClock:
         self._edges: list[tuple[int, int]] = []
         self._prompt_of = 1
         self._line: _Line | None = None
+        self._is_refuted = False
         self._count = 0
         self._first_count = 0
         self._last_stamp_ns: int | None = None
@@ -178,23 +180,24 @@ class SampleClock:
         Left out if it surely should have been: then the chip has stopped, which says nothing about its pace.
         """
         if self.missed(index - 1, t_ns) == 0:
-            self._lower.put(index, t_ns)
+            self._not_before(index, t_ns)
 
     def completed_by(self, index: int, t_ns: int) -> None:
         """Learn that sample `index`, the newest, was complete at `t_ns`; tell first what was pending."""
-        self._upper.put(index, t_ns)
+        self._not_after(index, t_ns)
         self._count = index
         young = index - self._first_count <= _FIT_EACH_UNTIL
-        if self._line is None or young or index - self._line.index >= _FIT_EVERY:
+        if self._line is None or young or self._is_refuted or index - self._line.index >= _FIT_EVERY:
             self._fit(t_ns)
+            self._is_refuted = False
 
     def edge_at(self, index: int, t_ns: int) -> None:
         """Learn that the interrupt of sample `index` was stamped `t_ns`; before `completed_by` tells of that sample."""
-        self._upper.put(index, t_ns)
+        self._not_after(index, t_ns)
         self._edges.append((index, t_ns))
         if len(self._edges) >= self._prompt_of:
             promptest, prompt_ns = min(self._edges, key=lambda edge: edge[1] - edge[0] * self._period_ns)
-            self._lower.put(promptest, prompt_ns - _PROMPTNESS_NS)
+            self._not_before(promptest, prompt_ns - _PROMPTNESS_NS)
             self._edges.clear()
             self._prompt_of = min(2 * self._prompt_of, _PROMPT_OF)
 
@@ -258,6 +261,16 @@ class SampleClock:
         self._window = self._longest_window
         self._line = None
         self._count = self._first_count = count
+
+    def _not_after(self, index: int, t_ns: int) -> None:
+        self._upper.put(index, t_ns)
+        if self._line is not None and self._line.instant_ns(index) - t_ns > _REFUTED * self._nominal_ns:
+            self._is_refuted = True
+
+    def _not_before(self, index: int, t_ns: int) -> None:
+        self._lower.put(index, t_ns)
+        if self._line is not None and t_ns - self._line.instant_ns(index) > _REFUTED * self._nominal_ns:
+            self._is_refuted = True
 
     def _fit(self, t_ns: int) -> None:
         """Lay the line anew; begin from the newest sample alone if even the newest bounds contradict each other."""

@@ -216,3 +216,24 @@ def test_a_drifting_clock_is_seen_through_a_shorter_window() -> None:
     assert np.sqrt(np.mean(errors_ms**2)) < 0.8
     assert polled.missed == 0
     assert np.all(np.diff(polled.stamps_ns) > 0)
+
+
+@pytest.mark.parametrize(("jump", "most_ms"), [(0.01, 0.6), (0.03, 1.5), (-0.03, 5.0)])
+def test_a_clock_that_jumps_is_followed_from_the_first_bound_that_refutes_its_line(jump: float, most_ms: float) -> None:
+    """A slow one shows later: interrupts may be late, so that several in a row must be."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        clock = SampleClock(PERIOD_S)
+        clock.restart(0, START_NS)
+        since_start, errors_ns = 0.006, []
+        for index in range(1, 1_200):
+            edge_ns = START_NS + round(since_start * 1e9)
+            if clock.edge_index(edge_ns) in (None, index):
+                clock.edge_at(index, edge_ns + round(rng.exponential(20e3)))
+            clock.pending_at(index + 1, edge_ns + 200_000)
+            clock.completed_by(index, edge_ns + 400_000)
+            errors_ns.append(clock.stamp(index) - edge_ns)
+            since_start += PERIOD_S / (1.0 + (jump if index >= 600 + seed * 5 else 0.0))
+        errors_ms = 1e-6 * np.array(errors_ns)
+        assert np.max(np.abs(errors_ms[500:])) < most_ms
+        assert np.max(np.abs(errors_ms[700:])) < 0.2
