@@ -49,14 +49,17 @@ class BentDistances:
         self._information, self._weighted = np.zeros((2, 2)), np.zeros(2)
         self.contradicts, self.is_straight = False, False
 
-    def add(self, bend: Bend) -> None:
-        """Take what a step tells. `is_straight` from when enough of them say that nothing is bent."""
+    def add(self, bend: Bend, common_error: float) -> None:
+        """Take what a step tells, whose corners may all err by `common_error`, of a ray's tangent.
+
+        `is_straight` from when enough steps say that nothing is bent.
+        """
         if bend.information.diagonal().min() * self.least_std**2 < 1.0:
             return
         kept = 1.0 - 1.0 / self.averaged_steps
         self._information = kept * self._information + bend.information
         self._weighted = kept * self._weighted + bend.weighted
         covariance = np.linalg.inv(self._information)
-        size, std = np.abs(covariance @ self._weighted), np.sqrt(covariance.diagonal())
+        size, std = np.abs(covariance @ self._weighted), np.sqrt(covariance.diagonal() + common_error**2)
         self.contradicts = bool((size - self.sigmas * std > self._most).any())
         self.is_straight = bool((size < self._most).all() and (std < self.known_std).all())

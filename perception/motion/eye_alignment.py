@@ -60,7 +60,8 @@ class EyeAlignment:
     most_by_place = (0.0015, 0.0015, 0.003)  # of ρ, γ and τ: heights wrong by a centimetre, slopes by a degree
     calibrated_sigmas = 3.0  # that the calibration may leave of ρ and τ
     sigmas = 4.0  # of chance
-    averaged_frames = 60  # some seconds: what one frame says is mostly noise
+    averaged_frames = 60  # some seconds of walking: what one frame says is mostly noise
+    window_px = 11.0  # about a corner that is matched
     lasting_std = 3e-4  # what no average is better than: corners are matched a little off, always alike
 
     def __init__(self, f_px: float, rows_rad: float) -> None:
@@ -70,6 +71,7 @@ class EyeAlignment:
         left = self.calibrated_sigmas * rows_rad
         self._most = np.maximum(self.most_by_place, (left, 0.0, left))
         self._information, self._weighted = np.zeros((3, 3)), np.zeros(3)
+        self._common_error = 0.0
         self._aligned_frames = self.confirmations
 
     @property
@@ -85,12 +87,18 @@ class EyeAlignment:
         by_place, std = self._average()
         return FocalDifference(-float(by_place[1]), math.hypot(self.lasting_std, float(std[1])))
 
-    def add(self, skew: RowSkew | None) -> None:
-        """Take what the newest frame shows, if it shows anything."""
+    def add(self, skew: RowSkew | None, moved_px: float, common_error: float) -> None:
+        """Take what the newest frame shows, if it shows anything, of corners that have moved by `moved_px` since the one
+        before. All may err by `common_error`, of a ray's tangent, in frame after frame.
+
+        What is seen by the same windows again errs as it did before: it counts by how far it has moved.
+        """
         if skew is None:
             return
+        self._common_error = common_error
         self._begin_anew_where_changed(skew)
-        kept, information = 1.0 - 1.0 / self.averaged_frames, np.linalg.inv(skew.covariance)
+        new = min(1.0, moved_px / self.window_px) if self._information.any() else 1.0
+        kept, information = 1.0 - new / self.averaged_frames, new * np.linalg.inv(skew.covariance)
         self._information = kept * self._information + information
         self._weighted = kept * self._weighted + information @ skew.by_place
         by_place, std = self._average()
@@ -102,7 +110,7 @@ class EyeAlignment:
 
     def _average(self) -> tuple[FloatArray, FloatArray]:
         covariance = np.linalg.inv(self._information)
-        return covariance @ self._weighted, np.sqrt(covariance.diagonal())
+        return covariance @ self._weighted, np.sqrt(covariance.diagonal() + self._common_error**2)
 
     def _begin_anew_where_changed(self, skew: RowSkew) -> None:
         """Forget the frames before where the newest shows something else: an eye was knocked, or put right."""

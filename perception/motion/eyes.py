@@ -49,7 +49,7 @@ class Eyes:
         if jumps.jumped:
             self._bent.forget()
         elif motion is not None:
-            self._bent.add(motion.bend)
+            self._bent.add(motion.bend, self.odometer.common_error)
         if jumps.contradict and (self._bent.is_straight or self._alignment.contradicts):  # or began at wrong distances
             jumps.forget()
             self.scale_is_doubtful = True
@@ -59,4 +59,4 @@ class Eyes:
         """Find what to follow into the next frame, once the estimate has left."""
         self.odometer.prepare_next()
         self.scale_is_doubtful = False
-        self._alignment.add(self.odometer.skew)
+        self._alignment.add(self.odometer.skew, self.odometer.moved_px, self.odometer.common_error)

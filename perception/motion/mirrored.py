@@ -23,9 +23,13 @@ class Mirrored:
     def __init__(self) -> None:
         self._share = self._noise = 0.0
 
-    def add(self, disagreeing: float, noise: float) -> float:
+    @property
+    def common_error(self) -> float:
+        """Return c of (1)."""
+        return self.gain * max(self._share - self.usual_share, 0.0) * self._noise
+
+    def add(self, disagreeing: float, noise: float) -> None:
         """Take the share of the corners near a step's motion that do not agree with it and the deviation of those that
-        do, as tangents; return c of (1)."""
+        do, as tangents."""
         self._share += (disagreeing - self._share) / self.frames
         self._noise += (noise - self._noise) / self.frames
-        return self.gain * max(self._share - self.usual_share, 0.0) * self._noise

@@ -24,7 +24,8 @@ _VARIED = "-varied"
 _MOSAIC_TILES = {"mosaic-6cm": (0.060, 32, 1.6), "mosaic-2.5cm": (0.025, 16, 1.3)}
 """Period in metres and in texels, a power of two so that all tiles are sampled alike; the joint's width in texels."""
 
-_CEILING_TEXEL_M = 0.004
+_OWN_TEXELS_M = {"ceiling": 0.004} | {name: period_m / texels for name, (period_m, texels, _) in _MOSAIC_TILES.items()}
+"""Of what does not have the usual ones."""
 
 _BINOMIAL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 
@@ -52,10 +53,7 @@ def face(texture: str, rows: int, columns: int, row_level: int, column_level: in
 
 def texel_m(texture: str) -> float:
     """Return the size of a full-size texel of `texture` on the ground."""
-    if texture == "ceiling":
-        return _CEILING_TEXEL_M
-    period_m, texels, _ = _MOSAIC_TILES.get(texture.removesuffix(_VARIED), (TEXEL_M, 1, 0.0))
-    return period_m / texels
+    return _OWN_TEXELS_M.get(texture.removesuffix(_VARIED), TEXEL_M)
 
 
 @lru_cache(maxsize=256)

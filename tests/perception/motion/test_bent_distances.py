@@ -56,9 +56,9 @@ def test_a_bend_is_sized_within_its_covariance_whatever_the_scale(
 def test_only_bent_distances_contradict_and_only_known_ones_are_straight() -> None:
     sound, bent, standing = (BentDistances(Residual()) for _ in range(3))
     for k in range(15):
-        sound.add(bend(k, WALKS, scale=1.04))
-        bent.add(bend(k, WALKS, (0.004, 0.0)))
-        standing.add(bend(k, STANDS, (0.004, 0.0)))
+        sound.add(bend(k, WALKS, scale=1.04), 0.0)
+        bent.add(bend(k, WALKS, (0.004, 0.0)), 0.0)
+        standing.add(bend(k, STANDS, (0.004, 0.0)), 0.0)
     assert (sound.contradicts, sound.is_straight) == (False, True)
     assert (bent.contradicts, bent.is_straight) == (True, False)
     assert (standing.contradicts, standing.is_straight) == (False, False)
@@ -67,10 +67,10 @@ def test_only_bent_distances_contradict_and_only_known_ones_are_straight() -> No
 def test_what_was_bent_is_straight_again_within_two_seconds_of_walking() -> None:
     bent = BentDistances(Residual())
     for k in range(30):
-        bent.add(bend(k, WALKS, (0.0, -0.004)))
+        bent.add(bend(k, WALKS, (0.0, -0.004)), 0.0)
     assert bent.contradicts
     for k in range(40):
-        bent.add(bend(k, WALKS))
+        bent.add(bend(k, WALKS), 0.0)
     assert (bent.contradicts, bent.is_straight) == (False, True)
     bent.forget()
     assert (bent.contradicts, bent.is_straight) == (False, False)
@@ -80,5 +80,13 @@ def test_what_was_bent_is_straight_again_within_two_seconds_of_walking() -> None
 def test_what_the_calibration_may_leave_is_no_bend(residual: Residual) -> None:
     watch = BentDistances(residual)
     for k in range(15):
-        watch.add(bend(k, WALKS, (0.004, 0.0)))
+        watch.add(bend(k, WALKS, (0.004, 0.0)), 0.0)
     assert not watch.contradicts
+
+
+def test_errors_that_corners_share_are_no_bend() -> None:
+    watch = BentDistances(Residual())
+    for k in range(60):
+        watch.add(bend(k, WALKS, (0.004, 0.0)), 0.001)
+    assert not watch.contradicts
+    assert not watch.is_straight

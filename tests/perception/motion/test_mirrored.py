@@ -38,7 +38,8 @@ def covariances(found: list[RigidStep], *, alike: bool) -> FloatArray:
     """Return what each step states (n, 6, 6), of turn and travel at a metre's depth."""
     floor, stated = Mirrored(), []
     for step in found:
-        c = floor.add(step.disagreeing, step.noise) / STEP_S if alike else 0.0
+        floor.add(step.disagreeing, step.noise)
+        c = floor.common_error / STEP_S if alike else 0.0
         stated.append(step.covariance + c**2 * np.eye(6))
     return np.array(stated)
 
@@ -65,7 +66,9 @@ def test_on_any_other_floor_it_is_what_it_was() -> None:
 def test_corners_are_said_to_err_alike_by_more_the_more_of_them_disagree_and_the_larger_their_noise() -> None:
     def after(disagreeing: float, noise: float) -> float:
         floor = Mirrored()
-        return [floor.add(disagreeing, noise) for _ in range(50)][-1]
+        for _ in range(50):
+            floor.add(disagreeing, noise)
+        return floor.common_error
 
     assert after(Mirrored.usual_share, 1e-3) == 0.0
     told = [after(share, 1e-3) for share in (0.12, 0.2, 0.3)]
