@@ -1,5 +1,6 @@
 """`gaiteyes calibrate mount`: what it writes and says of what a walk has told; the walk itself is told."""
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -8,14 +9,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from calib.files import load_calibration, save_calibration
+from calib.files import format_calibration, load_calibration, save_calibration
 from calib.fitness import shortcomings
-from calib.mount import Found
+from calib.mount import LEAST_S, Found
+from calib.strict_yaml import CalibrationError
 from cli import calibrate_mount
 from cli.main import app
+from daemon.recorder import Recorder
 from messages import Calibration, Residual
 from perception.attitude.sensor_errors import MountingErrors, SensorErrors
 from sim_rig.unit import RESIDUAL, draw_unit
+from sim_rig.walk.scenario import scenario
+from sim_rig.wearer import SimulatedWearer
+from tests.bench.recorded import INFO
 
 TOLD_PERCENT = 0.4
 UNSURE_OF_DISTANCES = msgspec.structs.replace(RESIDUAL, toe_in_rad=math.radians(0.2), baseline=1e-3)
@@ -60,3 +66,23 @@ def test_a_scale_that_the_file_does_not_explain_is_left_and_told(
     assert after.stereo.X_RL == before.stereo.X_RL
     assert "Distances stay as they are" in capsys.readouterr().out
     assert json.loads((tmp_path / "facts.json").read_bytes())["pair"] is None
+
+
+@pytest.mark.long
+def test_a_walk_without_a_picture_tells_no_mounting_and_the_file_stays(tmp_path: Path) -> None:
+    wearer = SimulatedWearer(7, scenario("standing"), 10_000_000_000)
+    recording, file = tmp_path / "walk.mcap", tmp_path / "unit.yaml"
+    save_calibration(file, wearer.calibration)
+    text = format_calibration(wearer.calibration)
+    recorder = Recorder(
+        recording, dataclasses.replace(INFO, calibration_text=text, configuration_text="device = 'bench'\n")
+    )
+    for sample in wearer.offline_samples(LEAST_S + 1.0):
+        recorder.offer(sample)
+        recorder.drain(timeout_s=0.0)
+    recorder.close()
+    with pytest.raises(
+        CalibrationError, match=r"walk\.mcap: refused: the walk tells the camera's angles .* allowed 0\.1°"
+    ):
+        app(["calibrate", "mount", str(file), "--from", str(recording)], standalone_mode=False)
+    assert load_calibration(file) == wearer.calibration
