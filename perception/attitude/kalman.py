@@ -114,7 +114,7 @@ class AttitudeKalman:
         return SensorErrors(state.gyro_bias, gyro_var, state.sf_bias, sf_var, state.scale, scale_var(state))
 
     def mounting_errors(self, state: AttitudeState) -> MountingErrors:
-        """Return what is known of the camera's place in B and of its clock."""
+        """Return what is known of the camera's place in B, of its clock and of its distances."""
         P = state.covariance
         lag_var = float(P[LAG, LAG][0, 0])
         distances_var = self.scale_deviation(state) ** 2
