@@ -1,15 +1,17 @@
 """What a minute of walking tells of the camera's place: `python -m benchmarks.mounting --file trials.jsonl`.
 
 Units whose camera stands otherwise than calibrated by 1° (1 σ an axis) and whose stamps are off by 5 ms (1 σ) walk for
-a minute; `calibrate mount` has to find both. The camera's steps are told from the truth, with the errors that the
-odometer has on rendered walks of other units (`--rendered`, kept in the folder `--errors`, as they are or seen in a
-mirror). Each trial is kept in the file; ended at any time, the count goes on from there.
+a minute; `calibrate mount` has to find both, and the scale of their distances. The camera's steps are told from the
+truth, with the errors that the odometer has on rendered walks of other units (`--rendered`, kept in the folder
+`--errors`, as they are or seen in a mirror). Each trial is kept in the file; ended at any time, the count goes on from
+there.
 """
 
 import argparse
 import json
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -60,38 +62,47 @@ def _shown(seeds: range, what: str) -> "list[int]":
     return progress(seeds, what, console=Console(stderr=True))  # type: ignore[return-value]  # an iterable of the same
 
 
-def _trial(seed: int, errors: RenderedErrors) -> dict[str, object]:
-    """Return by what the mounting found is off, rad and s, and what is stated of that; or why it was refused."""
+def _trial(seed: int, errors: RenderedErrors) -> dict[str, Any]:
+    """Return by what that which was found is off, rad and s, each with what is stated of it; or why it was refused."""
     trial = Trial(seed, errors)
     try:
         found = trial.found()
     except UserError as error:
         return {"seed": seed, "refused": str(error)}
     turn, lag_s = trial.errors(found.calibration)
-    return {
-        "seed": seed,
-        "turn": turn.tolist(),
-        "turn_std": found.turn_std.tolist(),
-        "lag": lag_s,
-        "lag_std": found.lag_std,
-        "scale": found.scale - trial.scale,
-        "scale_std": found.scale_std,
+    told: dict[str, Any] = {
+        "turn": (turn.tolist(), found.turn_std.tolist()),
+        "lag": (lag_s, found.lag_std),
+        "found_scale": (found.scale - trial.pair_off(trial.given).distances, found.scale_std),
     }
+    if found.pair is not None:
+        left = trial.pair_off(found.calibration)
+        told["scale"] = (left.distances, found.pair.scale_std)
+        told["baseline"] = (left.baseline, found.pair.baseline_std)
+        told["toe_in"] = (left.toe_in_rad, found.pair.toe_in_std_rad)
+    return {"seed": seed, "scale_before": trial.pair_off(trial.given).distances} | told
 
 
-def _tell(trials: list[dict[str, object]]) -> None:
+def _tell(trials: list[dict[str, Any]]) -> None:
     found = [trial for trial in trials if "refused" not in trial]
-    print(f"{len(trials)} units, {len(trials) - len(found)} refused")
+    print(f"{len(found)} of {len(trials)} units told, {len(trials) - len(found)} refused")
     for trial in trials:
         if "refused" in trial:
             print(trial["refused"])
+    before = np.array([trial["scale_before"] for trial in found])
+    print(f"scale of distances before: off by {100 * np.sqrt((before**2).mean()):.3f} % RMS")
+    print(f"taken over for {sum('scale' in trial for trial in found)} units")
+    degrees = np.degrees(1.0)
     for what, name, factor, unit, goal in (
-        ("camera to IMU", "turn", np.degrees(1.0), "°", 0.1),
+        ("camera to IMU", "turn", degrees, "°", 0.1),
         ("stamps", "lag", 1e3, "ms", 1.0),
-        ("scale of distances, not taken over", "scale", 1e2, "%", 0.3),
+        ("scale of distances as found", "found_scale", 1e2, "%", 0.3),
+        ("scale of distances as taken over", "scale", 1e2, "%", 0.3),
+        ("its baseline", "baseline", 1e2, "%", 0.3),
+        ("its toe-in", "toe_in", degrees, "°", 0.03),
     ):
-        off = np.abs(np.array([trial[name] for trial in found]))
-        std = np.array([trial[f"{name}_std"] for trial in found])
+        told = [trial[name] for trial in found if name in trial]
+        off, std = np.abs(np.array([each for each, _ in told])), np.array([each for _, each in told])
         print(
             f"{what}: off by {factor * np.sqrt((off**2).mean()):.3f} {unit} RMS, {factor * np.quantile(off, 0.95):.3f} "
             f"{unit} (95 % of them), {factor * off.max():.3f} {unit} at most; stated {factor * std.mean():.3f} {unit}; "

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from calib.pair import lengthened, toed_in
 from calib.strict_yaml import CalibrationError
 from messages import Calibration, Lens, matrix3, vec3
 from messages.arrays import FloatArray
@@ -74,9 +75,7 @@ def _time_offset(known: Calibration, values: Values) -> Calibration:
 
 
 def _baseline_error(known: Calibration, values: Values) -> Calibration:
-    X_RL = known.stereo.X_RL
-    longer = (1.0 + values["share"]) * np.array(X_RL.p_m)
-    return _with_stereo(known, X_RL=msgspec.structs.replace(X_RL, p_m=vec3(longer)))
+    return lengthened(known, 1.0 + values["share"])
 
 
 def _focal_error(known: Calibration, values: Values) -> Calibration:
@@ -85,13 +84,7 @@ def _focal_error(known: Calibration, values: Values) -> Calibration:
 
 
 def _toe_in(known: Calibration, values: Values) -> Calibration:
-    """The right camera's points turn by ε about C's y: p_R' = exp(ε ŷ) p_R in axes parallel to C."""
-    X_RL = known.stereo.X_RL
-    R_RL = np.array(X_RL.R)
-    R_RC = R_RL @ Rectifier(known.stereo, 4).R_LC
-    turn = R_RC @ so3.exp(np.array((0.0, values["y_rad"], 0.0))) @ R_RC.T
-    pose = msgspec.structs.replace(X_RL, R=matrix3(turn @ R_RL), p_m=vec3(turn @ np.array(X_RL.p_m)))
-    return _with_stereo(known, X_RL=pose)
+    return toed_in(known, values["y_rad"])
 
 
 def _distortion_residual(known: Calibration, values: Values) -> Calibration:

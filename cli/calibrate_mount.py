@@ -10,6 +10,7 @@ from cli.options import CONFIG_FILE, ConfigFile, JsonFile
 
 if TYPE_CHECKING:
     from calib.mount import Found, Mounted
+    from calib.pair import PairErrors
     from messages import Calibration, StereoFrame
 
 Recording = Annotated[
@@ -26,15 +27,15 @@ def mount(
 ) -> None:
     """Find how the camera stands in the IMU's axes, and when its pictures are taken, over a minute of walking.
 
-    Stand for some seconds, walk over ground that has texture, stop and go on, with turns. Biases of both sensors are
-    taken over too, where the walk tells them better than the file does.
+    Stand for some seconds, walk over ground that has texture, stop and go on, with turns. Biases of both sensors and
+    the scale of distances are taken over too, as far as the walk tells them better than the file does.
     """
     import tempfile
 
     import cv2
 
     from calib.files import load_calibration, save_calibration
-    from calib.mount import doubted, mounted
+    from calib.mount import measured
     from cli.calibrate_live import run_live
     from cli.console import check_writable, console, write_json
     from messages import Calibration, UserError
@@ -49,11 +50,7 @@ def mount(
         walk = Path(folder) / "walk.mcap" if recording is None else recording
         if recording is None:
             run_live(config, seconds, known, record=walk)
-        near = _first_pass(walk, known, where)
-        second = _walked(walk, doubted(near, first=False), where, "second pass")
-        if second is None:
-            raise UserError(f"{where}: {_DISAGREE}")
-    made = mounted(known, near, second, where)
+        made = measured(known, lambda calibration, what: _walked(walk, calibration, where, what), where)
     save_calibration(file, made.calibration)
     _tell(made, file)
     console.print(f"Written to {file}: calibration {made.calibration.id}.", soft_wrap=True, highlight=False)
@@ -129,28 +126,6 @@ def _misfit(recording: Path, before: "Calibration", after: "Calibration") -> tup
     return misfit(recording, before), misfit(recording, after)
 
 
-_DISAGREE = (
-    "refused: at its end camera and IMU do not agree, or the attitude is not known; are the lenses and the IMU "
-    "calibrated, and does the ground have texture?"
-)
-_PATIENCE_NS = 8_000_000_000
-"""Camera and IMU that have contradicted each other for so long do not come to agree."""
-
-
-def _first_pass(walk: Path, known: "Calibration", where: str) -> "Calibration":
-    """Return the calibration that the first pass brings near. Raises UserError where camera and IMU agree nowhere."""
-    from calib.mount import BEGINNINGS_S, brought_near, doubted, stamped_later
-    from messages import UserError
-
-    for by_s in BEGINNINGS_S:
-        begun = stamped_later(known, by_s)
-        told = "first pass" if by_s == 0.0 else f"first pass, pictures {1e3 * by_s:+.0f} ms"
-        found = _walked(walk, doubted(begun, first=True), where, told)
-        if found is not None:
-            return brought_near(begun, found.mounting)
-    raise UserError(f"{where}: {_DISAGREE}")
-
-
 def _walked(walk: Path, calibration: "Calibration", where: str, what: str) -> "Found | None":
     """Return what the motion filter has found at the end of a walk, None where camera and IMU do not agree.
 
@@ -158,7 +133,7 @@ def _walked(walk: Path, calibration: "Calibration", where: str, what: str) -> "F
     """
     import numpy as np
 
-    from calib.mount import LEAST_S, RIGID, Found
+    from calib.mount import LEAST_S, RIGID, Course, Found
     from cli.progress import LiveLine
     from daemon.pipeline import Pipeline
     from daemon.replay_source import open_source
@@ -170,15 +145,14 @@ def _walked(walk: Path, calibration: "Calibration", where: str, what: str) -> "F
         raise UserError(f"{where}: is not of a pair with the size of calibration '{calibration.unit}'")
     shift_s = calibration.stereo.stamp_to_mid_exposure_s - recorded.stereo.stamp_to_mid_exposure_s
     pipeline = Pipeline(calibration, opened.configuration.foothold, None, RIGID)
-    temperatures, first_ns, last_ns, agreed_ns = list[float](), 0, 0, 0
+    temperatures, first_ns, last_ns, course = list[float](), 0, 0, Course()
     with LiveLine() as line:
         for message in opened.inputs():
             if isinstance(message, ImuSample):
                 first_ns, last_ns = first_ns or message.t_sample_ns, message.t_sample_ns
                 temperatures.append(message.temperature_degC)
                 line.tell(f"{what}: {1e-9 * (last_ns - first_ns):.0f} s")
-                agreed_ns = last_ns if agreed_ns == 0 or pipeline.mounting_errors is not None else agreed_ns
-                if last_ns - agreed_ns > _PATIENCE_NS:
+                if not course.add(last_ns, pipeline.mounting_errors):
                     return None
             elif isinstance(message, StereoFrame):
                 message = _stamped(message, shift_s)
@@ -190,7 +164,7 @@ def _walked(walk: Path, calibration: "Calibration", where: str, what: str) -> "F
     mounting, sensors = pipeline.mounting_errors, pipeline.sensor_errors
     if mounting is None or sensors is None:
         return None
-    return Found(mounting, sensors, float(np.mean(temperatures)))
+    return Found(mounting, sensors, course.halfway, float(np.mean(temperatures)))
 
 
 def _stamped(frame: "StereoFrame", shift_s: float) -> "StereoFrame":
@@ -218,13 +192,33 @@ def _tell(made: "Mounted", file: Path) -> None:
     ]
     half_ms, half_percent = 1e3 * NORMAL_95 * made.lag_std, 100.0 * NORMAL_95 * made.scale_std
     rows.append(["pictures later than stamped", f"{1e3 * made.lag_s:+.2f}", f"± {half_ms:.2f}", "ms"])
-    rows.append(["distances too long (not changed)", f"{100 * made.scale:+.2f}", f"± {half_percent:.2f}", "%"])
+    rows.append(["distances too long", f"{100 * made.scale:+.2f}", f"± {half_percent:.2f}", "%"])
+    if made.pair is not None:
+        rows += _pair_rows(made.pair)
     table(f"{file}: against what it said before", ["", "value", "95 %", "unit"], rows)
-    console.print(
-        "Distances stay as they are: a walk does not tell a wrong baseline from a toe-in; `calibrate stereo` does.",
-        soft_wrap=True,
-        highlight=False,
-    )
+    console.print(_WHY_SHARED if made.pair is not None else _WHY_LEFT, soft_wrap=True, highlight=False)
+
+
+_WHY_SHARED = (
+    "A walk tells the scale of distances, not a baseline from a toe-in: each takes its share of it by how far off the "
+    "file says it may be."
+)
+_WHY_LEFT = (
+    "Distances stay as they are: they are farther off than the file says of baseline and toe-in, and a walk does not "
+    "tell which of the two it is: gaiteyes calibrate stereo."
+)
+
+
+def _pair_rows(pair: "PairErrors") -> list[list[str]]:
+    from messages.constants import NORMAL_95
+
+    return [
+        [f"  of it {name}", f"{factor * value:+.3f}", f"± {NORMAL_95 * factor * std:.3f}", unit]
+        for name, value, std, factor, unit in (
+            ("the baseline, too long by", pair.baseline, pair.baseline_std, 100.0, "%"),
+            ("the toe-in, off by", pair.toe_in_rad, pair.toe_in_std_rad, math.degrees(1.0), "°"),
+        )
+    ]
 
 
 def _facts(made: "Mounted") -> dict[str, object]:
@@ -235,6 +229,8 @@ def _facts(made: "Mounted") -> dict[str, object]:
         "lag_std_s": made.lag_std,
         "distance_scale": made.scale,
         "distance_scale_std": made.scale_std,
+        "pair": None if made.pair is None else made.pair._asdict(),
+        "X_RL": made.calibration.stereo.X_RL,
         "X_BL": made.calibration.X_BL,
         "imu": made.calibration.imu,
         "residual": made.calibration.residual,

@@ -129,7 +129,7 @@ class Pipeline:
 
     @property
     def mounting_errors(self) -> MountingErrors | None:
-        """Return what it has found of the camera's place in B and of its clock; None where it is not valid."""
+        """Return what it has found of the camera's place in B, clock and distances; None where it is not valid."""
         return self._attitude.mounting_errors if self._contradiction is Reason.NONE else None
 
     @property

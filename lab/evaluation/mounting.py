@@ -5,10 +5,10 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from calib.mount import RIGID, Found, Mounted, brought_near, doubted, mounted
+from calib.mount import RIGID, Course, Found, Mounted, measured
 from lab.evaluation.odometer_errors import RenderedErrors
-from lab.evaluation.told_steps import OdometerNoise, StepErrors, ToldStep, attitudes, depth_error, told_steps
-from messages import Calibration, ImuSample, UserError, matrix3
+from lab.evaluation.told_steps import OdometerNoise, PairOff, StepErrors, ToldStep, attitudes, pair_off, told_steps
+from messages import Calibration, ImuSample, matrix3
 from messages.arrays import FloatArray
 from perception import so3
 from perception.attitude.track import AttitudeTrack
@@ -52,33 +52,30 @@ class Trial:
         self.given = msgspec.structs.replace(self._base, X_BL=X_BL, stereo=stereo)
 
     def found(self) -> Mounted:
-        """Return what two passes find. Raises UserError where they are refused."""
-        near = self.given
-        first = self._pass(doubted(near, first=True))
-        near = brought_near(near, first.mounting)
-        return mounted(self.given, near, self._pass(doubted(near, first=False)), f"unit {self._seed}")
+        """Return what `calibrate mount` finds. Raises UserError where it refuses."""
+        return measured(self.given, self._pass, f"unit {self._seed}")
 
     def errors(self, made: Calibration) -> tuple[FloatArray, float]:
         """Return by what (3,) rad and s a calibration's camera and stamps are off."""
         turn = so3.log(np.array(made.X_BL.R) @ np.array(self.wearer.unit.X_BL.R).T)
         return turn, made.stereo.stamp_to_mid_exposure_s - self._true_stamp_s
 
-    @property
-    def scale(self) -> float:
-        """Return by how much distances are too long with the calibration that is given."""
-        return depth_error(self.wearer.unit, self.given)
+    def pair_off(self, calibration: Calibration) -> PairOff:
+        """Return by what the baseline, the toe-in and with them the distances of a calibration are off."""
+        return pair_off(self.wearer.unit, calibration)
 
-    def _pass(self, calibration: Calibration) -> Found:
+    def _pass(self, calibration: Calibration, _: str) -> Found | None:
         self.wearer.calibration = calibration
         shift_ns = round(1e9 * (calibration.stereo.stamp_to_mid_exposure_s - self._base.stereo.stamp_to_mid_exposure_s))
-        track, samples = AttitudeTrack(calibration, settings=RIGID), self._samples
+        track, samples, course = AttitudeTrack(calibration, settings=RIGID), self._samples, Course()
         steps = (_shifted(told, shift_ns) for told in told_steps(self.wearer, SECONDS, self._errors, self._seed))
-        for _ in attitudes(track, samples, steps):
-            pass
+        for attitude in attitudes(track, samples, steps):
+            if not course.add(attitude.t_sample_ns, track.mounting_errors):
+                return None
         mounting, sensors = track.mounting_errors, track.sensor_errors
         if mounting is None or sensors is None:
-            raise UserError(f"unit {self._seed}: {track.reason.value or track.contradiction.value}")
-        return Found(mounting, sensors, _mean_temperature(samples))
+            return None
+        return Found(mounting, sensors, course.halfway, _mean_temperature(samples))
 
 
 def rendered_errors(seed: int) -> RenderedErrors:

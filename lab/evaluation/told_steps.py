@@ -2,11 +2,12 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from calib.pair import CORNERS_Z_M
 from messages import Attitude, Calibration, ImuSample, Reason, vec3
 from messages.arrays import FloatArray
 from perception.attitude.camera_step import CameraStep
@@ -16,9 +17,6 @@ from sim_rig.wearer import SimulatedWearer
 
 _TOLD_FRAMES_LATER = 1
 """The odometer tells a step with the frame after it."""
-
-_CORNERS_Z_M = 1.2
-"""How far from the camera the corners lie that it follows: toe-in changes their depth by this over the baseline."""
 
 
 class StepErrors(Protocol):
@@ -101,10 +99,24 @@ def attitudes(track: AttitudeTrack, samples: Iterable[ImuSample], steps: Iterato
             following = next(steps, None)
 
 
-def depth_error(unit: Unit, calibration: Calibration) -> float:
-    """Return the relative error of distances: of toe-in and baseline as the calibration leaves them,
-    δZ/Z = δ Z/B + δB/B."""
+class PairOff(NamedTuple):
+    """By what share a calibration's baseline is too long, and by what angle ε its toe-in is off; and by what share that
+    makes distances too long where the corners are, δZ/Z = δB/B − ε Z/B."""
+
+    baseline: float
+    toe_in_rad: float
+    distances: float
+
+
+def pair_off(unit: Unit, calibration: Calibration) -> PairOff:
+    """Return by what a calibration's pair is off from the unit's own."""
     known, true = calibration.stereo.X_RL, unit.stereo.X_RL
-    toe_in_rad = Rotation.from_matrix(np.array(known.R) @ np.array(true.R).T).as_rotvec()[1]
+    toe_in_rad = float(Rotation.from_matrix(np.array(known.R) @ np.array(true.R).T).as_rotvec()[1])
     baseline_m, true_m = (float(np.linalg.norm(X_RL.p_m)) for X_RL in (known, true))
-    return float(toe_in_rad) * _CORNERS_Z_M / baseline_m + baseline_m / true_m - 1.0
+    longer = baseline_m / true_m - 1.0
+    return PairOff(longer, toe_in_rad, longer - toe_in_rad * CORNERS_Z_M / baseline_m)
+
+
+def depth_error(unit: Unit, calibration: Calibration) -> float:
+    """Return the relative error of distances: of toe-in and baseline as the calibration leaves them."""
+    return pair_off(unit, calibration).distances

@@ -239,7 +239,7 @@ def has_slipped(kalman: AttitudeKalman, state: AttitudeState) -> bool:
 def judge_distances(kalman: AttitudeKalman, state: AttitudeState) -> None:
     """Hold the camera's distances for wrong from where their scale is beyond what the calibration leaves, as well as
     it is known, until it is known and well within."""
-    settings, deviation = kalman.settings.camera, _scale_deviation(kalman, state)
+    settings, deviation = kalman.settings.camera, kalman.scale_deviation(state)
     were_wrong = state.distances_are_wrong
     sigmas = settings.right_scale_sigmas if were_wrong else settings.wrong_scale_sigmas
     beyond = abs(state.scale) > sigmas * math.hypot(kalman.calibrated_scale, deviation)
@@ -258,12 +258,8 @@ def doubt_distances(settings: CameraStepSettings, state: AttitudeState) -> None:
 def distance_scale(kalman: AttitudeKalman, state: AttitudeState) -> float:
     """Return by what share the camera's distances are likely too long: what was found, by its weight beside what the
     calibration leaves."""
-    calibrated_var, found_var = kalman.calibrated_scale**2, _scale_deviation(kalman, state) ** 2
+    calibrated_var, found_var = kalman.calibrated_scale**2, kalman.scale_deviation(state) ** 2
     return calibrated_var / (calibrated_var + found_var) * state.scale
-
-
-def _scale_deviation(kalman: AttitudeKalman, state: AttitudeState) -> float:
-    return math.hypot(math.sqrt(scale_var(state)), kalman.sf_scale, state.odometer_scale)
 
 
 _FAR_SIGMAS = 3.0

@@ -182,7 +182,7 @@ class AttitudeFilter:
 
     @property
     def mounting_errors(self) -> MountingErrors:
-        """Return what the camera's steps told of its place in B and of its clock."""
+        """Return what the camera's steps told of its place in B, its clock and its distances."""
         return self._kalman.mounting_errors(self._state)
 
     @property

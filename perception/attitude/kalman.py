@@ -114,10 +114,16 @@ class AttitudeKalman:
         return SensorErrors(state.gyro_bias, gyro_var, state.sf_bias, sf_var, state.scale, scale_var(state))
 
     def mounting_errors(self, state: AttitudeState) -> MountingErrors:
-        """Return what is known of the camera's place in B and of its clock."""
+        """Return what is known of the camera's place in B, of its clock and of its distances."""
         P = state.covariance
         lag_var = float(P[LAG, LAG][0, 0])
-        return MountingErrors(state.mount_B, P[MOUNT, MOUNT].copy(), state.lag_s, lag_var)
+        distances_var = self.scale_deviation(state) ** 2
+        return MountingErrors(state.mount_B, P[MOUNT, MOUNT].copy(), state.lag_s, lag_var, state.scale, distances_var)
+
+    def scale_deviation(self, state: AttitudeState) -> float:
+        """Return how well the scale of distances is known: with what the odometer errs by, and the accelerometer's own
+        scale."""
+        return math.hypot(math.sqrt(scale_var(state)), self.sf_scale, state.odometer_scale)
 
     def rate(self, state: AttitudeState, w_measured: Vec3) -> Vec3:
         """Return w of (1) in rad/s."""

@@ -8,12 +8,15 @@ from messages.arrays import FloatArray
 
 class MountingErrors(NamedTuple):
     """What the calibration has wrong of the camera: the small turn (3,) rad by which it stands otherwise in B, its
-    covariance (3, 3), and by how much later than stamped its pictures are, with its variance."""
+    covariance (3, 3), by how much later than stamped its pictures are, and by what share its distances are too long,
+    each with its variance: of the scale with what the odometer and the accelerometer's own scale leave of it."""
 
     turn_B: Vec3
     turn_covariance: FloatArray
     lag_s: float
     lag_var: float
+    scale: float
+    scale_var: float
 
 
 class SensorErrors(NamedTuple):

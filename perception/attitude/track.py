@@ -76,7 +76,7 @@ class AttitudeTrack:
 
     @property
     def mounting_errors(self) -> MountingErrors | None:
-        """Return what the camera's steps tell of its place and its clock; None as for the sensors' errors."""
+        """Return what the camera's steps tell of its place, clock and distances; None as for the sensors' errors."""
         return self._filter.mounting_errors if self._tells else None
 
     @property

@@ -5,8 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lab.evaluation.told_steps import OdometerNoise, ToldStep, told_steps
+from calib.pair import CORNERS_Z_M, lengthened, toed_in
+from lab.evaluation.told_steps import OdometerNoise, ToldStep, pair_off, told_steps
 from perception import so3
+from sim_rig.unit import draw_unit
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
@@ -38,6 +40,14 @@ def test_a_step_is_told_when_the_frame_after_it_has_arrived() -> None:
     late_s = [1e-9 * (each.t_told_ns - each.step.t_after_ns) for each in steps]
     assert 0.075 < min(late_s) < max(late_s) < 0.1
     assert all(a.step.t_after_ns == b.step.t_before_ns for a, b in pairwise(steps))
+
+
+def test_a_baseline_makes_distances_long_and_points_turned_to_the_right_make_them_short() -> None:
+    unit = draw_unit(3)
+    made = toed_in(lengthened(unit.exact_calibration(), 1.002), 3e-4)
+    off = pair_off(unit, made)
+    assert (off.baseline, off.toe_in_rad) == pytest.approx((2e-3, 3e-4), rel=1e-3)
+    assert off.distances == pytest.approx(2e-3 - 3e-4 * CORNERS_Z_M / np.linalg.norm(made.stereo.X_RL.p_m), rel=1e-3)
 
 
 def test_noise_has_the_size_that_it_states() -> None:

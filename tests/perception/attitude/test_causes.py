@@ -228,6 +228,15 @@ def test_most_of_a_scale_within_what_the_calibration_leaves_is_corrected_once_it
     assert distance_scale(*with_scale(0.005, 0.004)) < 0.001
 
 
+def test_what_is_told_of_a_scale_includes_what_odometer_and_accelerometer_err_by() -> None:
+    kalman = AttitudeKalman(AttitudeSettings(), RESIDUAL)
+    state = kalman.new_state()
+    state.scale, state.odometer_scale = 0.004, 3e-3
+    state.covariance[SCALE, SCALE] = 2e-3**2
+    told = kalman.mounting_errors(state)
+    assert (told.scale, told.scale_var) == pytest.approx((0.004, 2e-3**2 + 3e-3**2 + RESIDUAL.scale**2))
+
+
 def test_on_a_ground_that_moves_distances_are_known_as_well_as_before() -> None:
     kalman, state = with_scale(0.007, 0.003)
     before = distance_scale(kalman, state)
