@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers.camera.frame_pool import FramePair
 from drivers.imu.mpu6050 import Mpu6050
+from drivers.imu.sample_wait import POLL_PERIODS
 from drivers.imu.settings import Mpu6050Settings
 from messages import TOPICS, Calibration, Frame, GroundPlane, GroundTruth, ImuSample, Side, StereoFrame, Tick
 from sim_rig.camera.rendered_frames import RenderedFrames, Scene
@@ -30,7 +31,7 @@ from sim_rig.walk.things import Walker
 from sim_rig.walk.truth import FootholdTruth, TruthSource, rectified_axis_L
 
 _IMU_ADDRESS = 0x68
-_IMU_POLL_NS = 5_000_000
+_IMU_POLL_NS = round(POLL_PERIODS * TOPICS["imu"].period_ns)
 _POLL_LATENESS_S = 0.15e-3
 _TICK_NS = TOPICS["tick"].period_ns
 _BOOT_NS = 500_000_000
@@ -180,8 +181,9 @@ class SimulatedWearer:
         """Yield what the pipeline would be given in the first `seconds`, in order of arrival, without waiting.
 
         `camera` takes the place of the stereo camera.
-        The real driver polls the simulated chip on a simulated clock, every 5 ms but for a thread's lateness, from a
-        quarter of a second before the start on; ticks come every 10 ms, frames when they are due. Nothing is lost.
+        The real driver polls the simulated chip on a simulated clock, as often as it does without a data-ready line but
+        for a thread's lateness, from a quarter of a second before the start on; ticks come every 10 ms, frames when
+        they are due. Nothing is lost.
         """
         clock, imu = self._offline_imu()
         end_ns = self._start_ns + round(seconds * 1e9)
