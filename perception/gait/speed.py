@@ -15,6 +15,13 @@ Of what acted at one instant there remains after τ
 
 and of the noise since Q(τ) = q ∫ f(u) f(u)ᵀ du, f the last column of Φ. A Kalman filter has v, a and w as its state:
 what is known of w from the steps before tells a change of speed from the ripple within one step.
+
+σ_a and the noise are those of changing speed, and most steps are even. How much of the filter's covariance P the walk
+asks for, its innovations e, of variance S, say over the last strides:
+
+    P' = min(1, n ⟨e² / S⟩) P,                                                                                  (4)
+
+n of neighbours alike, since what (1) and (2) miss lasts for a part of a step.
 """
 
 import math
@@ -39,6 +46,7 @@ class WalkingSpeed:
     def __init__(self, speed_mps: float) -> None:
         self._state = np.array([speed_mps, 0.0, 0.0, 0.0, 0.0, 0.0])
         self._cov = np.diag(np.square([_FIRST_MPS, _SIGMA_MPS2, *_RIPPLE_MPS]))
+        self._share = 1.0
 
     def see(self, since_s: float, theta: float, speed_mps: float) -> None:
         """Take the hip's speed at the phase θ, `since_s` after the last one."""
@@ -47,8 +55,10 @@ class WalkingSpeed:
         noise[:2, :2] = _noise_cov(since_s)[1:, 1:]
         self._state, cov = F @ self._state, F @ self._cov @ F.T + noise
         h = np.concatenate(([1.0, 0.0], _harmonics(theta)))
-        gain = cov @ h / (h @ cov @ h + _NOISE_MPS**2)
-        self._state = self._state + gain * (speed_mps - h @ self._state)
+        off_mps, variance = float(speed_mps - h @ self._state), float(h @ cov @ h) + _NOISE_MPS**2
+        self._share += (1.0 - math.exp(-since_s / _SHARE_S)) * (_ALIKE * off_mps**2 / variance - self._share)
+        gain = cov @ h / variance
+        self._state = self._state + gain * off_mps
         self._cov = cov - np.outer(gain, h @ cov)
 
     def ahead(self, tau_s: float, theta: float, theta_radps: float) -> Gone:
@@ -58,7 +68,7 @@ class WalkingSpeed:
         to_way[1:, :2] = np.eye(2)
         to_way[0, 2:] = -_way_of_harmonics(theta) / theta_radps
         to_way = _transition(tau_s) @ to_way
-        cov = to_way @ self._cov @ to_way.T + _noise_cov(tau_s)
+        cov = min(1.0, self._share) * (to_way @ self._cov @ to_way.T + _noise_cov(tau_s))  # (4)
         way_m, speed_mps, _ = to_way @ self._state
         return Gone(float(way_m), float(speed_mps), cov[:2, :2])
 
@@ -101,6 +111,7 @@ _LASTS_S, _SIGMA_MPS2 = 0.5, 0.5
 _NOISE_MPS = 0.1
 """What (1) misses of a speed, 1 σ: a strike, and what the odometer corrects."""
 _FIRST_MPS = 1.0
+_SHARE_S, _ALIKE = 0.5, 10.0
 _RIPPLE_MPS = (0.06, 0.06, 0.15, 0.15)
 """Of who walks, 10 to 15 % of the speed once a step (Perry, Burnfield, Gait Analysis)."""
 _RIPPLE_WALK_MPS_PER_SQRT_S = 0.02
