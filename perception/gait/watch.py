@@ -14,8 +14,9 @@ from perception.gait.impact import StrikeDelay
 from perception.gait.own_errors import OwnErrors
 from perception.gait.phase import StridePhase
 from perception.gait.side import left_landed
+from perception.gait.speed import Gone, WalkingSpeed
 from perception.gait.steps import StepWatch
-from perception.gait.trail import HipTrail
+from perception.gait.trail import PERIOD_NS, HipTrail
 
 
 class NextContact(NamedTuple):
@@ -34,6 +35,7 @@ class GaitWatch:
         self._steps = StepWatch()
         self._ankle = AnkleContacts()
         self._phase: StridePhase | None = None
+        self._speed = WalkingSpeed(0.0)
         self._strike = StrikeDelay()
         self._errors = OwnErrors()
         self._next_row = 0
@@ -66,6 +68,15 @@ class GaitWatch:
         theta: FloatArray = np.zeros(len(rows)) if phase is None else phase.theta - phase.omega * (phase.row - rows)
         return theta
 
+    def gone(self, rows: float) -> Gone:
+        """Return how far the wearer goes, and how fast then, in `rows` of the trail after its newest; where a next
+        contact is known."""
+        phase = self._phase
+        if phase is None:
+            return self._speed.ahead(rows * _ROW_S, 0.0, 1.0)
+        theta = phase.theta + phase.omega * (self.trail.count - 1 - phase.row)
+        return self._speed.ahead(rows * _ROW_S, theta, phase.omega / _ROW_S)
+
     def next_contact(self, left: bool) -> NextContact | None:
         """Return when the left or the right foot lands next; None where no walk is seen, or not yet which foot is
         which."""
@@ -94,6 +105,8 @@ class GaitWatch:
 
     def _begin(self, contact: float, step: float) -> None:
         self._phase = StridePhase(contact, step)
+        before = self.trail.speed_W_mps(round(contact - step), round(contact)).mean(axis=0)
+        self._speed = WalkingSpeed(float(np.hypot(*before)))
         self._errors = OwnErrors()
         self._next_row, self._contact, self._refused, self._even_is_left = round(contact) + 1, contact, 0, 0.0
         self._rows = {0: contact}
@@ -102,9 +115,13 @@ class GaitWatch:
         phase, trail = self._phase, self.trail
         if phase is None:
             return
-        ahead = _direction(trail, math.pi / phase.omega)
+        step = math.pi / phase.omega
+        ahead = _direction(trail, step)
+        now = ahead @ _turned_since(trail, step)
         for row in range(self._next_row, trail.count - 1, _EVERY):
             phase.see(float(row), _motion(trail, row, ahead))
+            speed_mps = float(now @ trail.speed_W_mps(row - 1, row + 2).mean(axis=0))
+            self._speed.see(_EVERY * _ROW_S, phase.theta, speed_mps)
             self._next_row = row + _EVERY
         number = math.floor(phase.theta / math.pi) + 1
         rows, _ = phase.rows_to(number)
@@ -155,6 +172,14 @@ def _direction(trail: HipTrail, step: float) -> FloatArray:
     return direction
 
 
+def _turned_since(trail: HipTrail, step: float) -> FloatArray:
+    """Return the rotation (2, 2), to be multiplied from the right, by what turned from the middle of the last stride
+    until now."""
+    turned_rad = float(trail.rate_W_radps(trail.count - round(2.0 * step), trail.count)[:, 2].mean()) * step * _ROW_S
+    c, s = math.cos(turned_rad), math.sin(turned_rad)
+    return np.array([[c, s], [-s, c]])
+
+
 def _motion(trail: HipTrail, row: int, ahead: FloatArray) -> FloatArray:
     """Return the hip's motion (CHANNELS,) about a row: rise, sway, roll, pitch and yaw rate."""
     rise = trail.rise_mps(row - 1, row + 2).mean()
@@ -164,6 +189,7 @@ def _motion(trail: HipTrail, row: int, ahead: FloatArray) -> FloatArray:
     return np.array([rise, sway, roll, pitch, rate[2]])
 
 
+_ROW_S = 1e-9 * PERIOD_NS
 _EVERY = 2
 _LEAST_SPEED_MPS = 0.05
 _MOST_REFUSED = 2

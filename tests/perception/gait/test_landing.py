@@ -47,6 +47,40 @@ def test_a_landing_is_predicted_from_the_way_walked(hip: Hip, most_m: float, lef
     assert np.abs(np.mean(off, axis=0)).max() < most_m
 
 
+def off_while(hip: Hip, from_s: float, to_s: float) -> list[float]:
+    """Return how far ahead of where they land feet are predicted, 0.2 to 0.3 s before, between two times."""
+    off_m = []
+    for until_s in np.arange(from_s, to_s, 0.05):
+        watch, t_ns = hip.watched(float(until_s))
+        for left in (True, False):
+            contact_ns = hip.next_contact_ns(t_ns, left)
+            found = next_landing(watch, t_ns, hip.heading_rad(t_ns), left, 0.0)
+            if found is not None and 0.2 < 1e-9 * (contact_ns - t_ns) < 0.3:
+                off_m.append(found.ahead_m - float(hip.foot_m(t_ns, contact_ns)[0]))
+    return off_m
+
+
+def test_who_slows_down_within_a_second_takes_shorter_steps_at_once() -> None:
+    def speed_mps(t: float) -> float:
+        return 1.3 - 0.7 * min(max(t - 4.0, 0.0), 1.0)
+
+    hip = Hip(speed_mps=speed_mps, step_hz=lambda t: 1.6 * math.sqrt(speed_mps(t) / 1.3))
+    off_m = off_while(hip, 5.0, 6.4)
+    assert len(off_m) >= 4
+    assert np.abs(off_m).mean() < 0.065
+
+
+def test_a_step_is_as_long_as_the_root_of_the_speed_has_it() -> None:
+    def speed_mps(t: float) -> float:
+        return 1.0 + 0.5 * min(max(t - 4.0, 0.0), 1.0)
+
+    hip = Hip(speed_mps=speed_mps, step_hz=lambda t: 1.7 * math.sqrt(speed_mps(t)))
+    watch, t_ns = hip.watched(5.85)
+    found = next_landing(watch, t_ns, 0.0, True, 0.0)
+    assert found is not None
+    assert found.step_m == pytest.approx(math.sqrt(1.45) / 1.7, abs=0.03)
+
+
 def test_the_middle_of_the_wearer_moves_a_landing_aside() -> None:
     watch, t_ns = Hip().watched(6.0)
     one, other = (next_landing(watch, t_ns, 0.0, True, middle_m) for middle_m in (0.0, -0.06))
