@@ -218,6 +218,7 @@ class Search:
 
         One effect that imitates two is taken in before either: neither of them improves the fit beside it, nor alone in
         its place. The second may be the cause itself, begun anew where the rival has taken over what was the rival's.
+        Two that gain little for having more parameters imitate the one.
         """
         refits = self.refits
         proposals: list[Proposal] = []
@@ -227,7 +228,8 @@ class Search:
             for second, drop in refits.ranked(fit, self._others(swapped))[:_SECONDS]:
                 if drop - price(second.keys) > missing + _PROMISING * least:
                     proposals.append((refits.joined(fit, second, FIRST_STEPS), (*swapped, second)))
-        return proposals
+        before = refits.rated(refits.base)
+        return [each for each in proposals if simplest_first(before, (best, each[0]), lambda fit: fit)[0] is not best]
 
     def _best_of(self, proposals: Sequence[Proposal], best: Fit, at_base: Products, least: float) -> Proposal | None:
         """Return the best proposal, finished, if its gain on `best` is more than chance gives; else None."""

@@ -136,10 +136,26 @@ def test_one_cause_that_imitates_two_is_exchanged_for_both() -> None:
     strong, one, two, nothing = np.linalg.qr(rng.normal(size=(1000, 4)))[0].T * np.sqrt(1000.0)
     rows = {"strong": strong, "imitation": 1.3 * one + two + 0.2 * nothing, "one": one, "two": two}
     library = [Columns(name, {"p": row[:, None]}) for name, row in rows.items()]
-    measured_ = 3.0 * strong + 1.3 * one + two + rng.normal(size=1000)
+    measured_ = 1.75 * strong + 1.3 * one + two + rng.normal(size=1000)
     simulation = LinearSimulation(measured_[:, None], np.stack((one, two), axis=1), library=library)
     found = Search(Problem(simulation), list(rows), 1).found()
     assert {each.effect for each in found.causes} == {"strong", "one", "two"}
+
+
+def test_two_causes_of_many_parameters_do_not_take_the_place_of_one_that_says_nearly_as_much() -> None:
+    rng = np.random.default_rng(5)
+    strong, *parts, nothing = np.linalg.qr(rng.normal(size=(1000, 6)))[0].T * np.sqrt(1000.0)
+    one = 0.8 * sum(parts) + 0.2 * nothing
+    library = [
+        Columns("strong", {"p": strong[:, None]}),
+        Columns("one", {"p": one[:, None]}),
+        Columns("left", {"a": parts[0][:, None], "b": parts[1][:, None]}),
+        Columns("right", {"a": parts[2][:, None], "b": parts[3][:, None]}),
+    ]
+    measured_ = 1.75 * strong + 0.8 * sum(parts) + rng.normal(size=1000)
+    simulation = LinearSimulation(measured_[:, None], np.stack(parts, axis=1), library=library)
+    found = Search(Problem(simulation), [each.name for each in library], 1).found()
+    assert {each.effect for each in found.causes} == {"strong", "one"}
 
 
 def test_what_was_predicted_is_not_predicted_again() -> None:
