@@ -158,6 +158,8 @@ def table(lines: Sequence[Line], before: dict[str, Line]) -> list[str]:
             f"({100.0 * bounds.low:.0f} to {100.0 * bounds.high:.0f} %)"
         )
     rows.append(f"causes told anew beside: {sum(len(each.beside) for each in every)} in {len(every)} cases")
+    seconds = [line.cpu_s for line in lines]
+    rows.append(f"CPU time of a verdict: {np.median(seconds):.1f} s at the median, {max(seconds):.1f} s at most")
     return rows
 
 

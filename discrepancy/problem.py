@@ -4,13 +4,14 @@ Arrays are (c, n), time last, so that transforms run along contiguous memory. A 
 column is the line between its neighbours: the same linear map for all, so that columns remain derivatives of residuals.
 """
 
+from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from discrepancy.evidence.noise import Noise, known_noise
 from discrepancy.evidence.whitening import White, whitening
-from discrepancy.simulation import Channels, Effect, Parameter, Simulation, Values, predicted_many
+from discrepancy.simulation import Channels, Effect, Parameter, SideBySide, Simulation, Values, predicted_many
 from discrepancy.values import Complete, Neutral
 from messages.arrays import BoolArray, FloatArray
 from messages.errors import UserError
@@ -22,6 +23,8 @@ _EDGE_SHARE = 0.005
 """Of the record at either end: filters and shifts in a simulation have no past or future there."""
 MOST_LOST = 0.05
 """Of the samples compared: a model that gives fewer has diverged, and what it does give is not compared instead."""
+_MOST_KEPT_BYTES = 2**26
+"""Of the latest predictions, which a search asks for again: a third of all, where sets of causes differ by one."""
 _MOST_CHANGED = 1e100
 """In a channel's unit, by one scale of a parameter: more is a model that has diverged."""
 
@@ -50,6 +53,7 @@ class Problem:
             self.parameters |= {effect.qualified(p.name): p for p in effect.parameters}
         self.measured = np.ascontiguousarray(self.channels.values.T)
         self._neutral = Neutral(simulation)
+        self._kept: OrderedDict[frozenset[tuple[str, float]], FloatArray] = OrderedDict()
         neutral = self.predicted({})
         self.c, self.n = self.measured.shape
         inside = np.zeros(self.n, bool)
@@ -98,8 +102,18 @@ class Problem:
         return self.filled(np.where(np.isfinite(residual), residual, 0.0))
 
     def predicted(self, values: Values) -> FloatArray:
-        """Return what should have been measured, (c, n); raises UserError where `values` hold an unknown key."""
-        return np.ascontiguousarray(self.simulation.predicted(self.completed(values)).T)
+        """Return what should have been measured, (c, n), to be read only; raises UserError where `values` hold an
+        unknown key.
+        """
+        mark = self._neutral.mark(values)
+        found = self._kept.pop(mark, None)
+        if found is None:
+            found = np.array(self.simulation.predicted(self.completed(values)).T, order="C")
+            found.flags.writeable = False
+        self._kept[mark] = found
+        if len(self._kept) * found.nbytes > _MOST_KEPT_BYTES:
+            self._kept.popitem(last=False)
+        return found
 
     def completed(self, values: Values) -> Complete:
         """Return `values` with all that they leave out at neutral; raises UserError for an unknown key."""
@@ -111,6 +125,9 @@ class Problem:
 
     def predicted_many(self, sets: Sequence[Values]) -> Iterator[FloatArray]:
         """Yield what should have been measured, (c, n), from each of the `sets`, side by side where that is faster."""
+        if not isinstance(self.simulation, SideBySide):
+            yield from map(self.predicted, sets)
+            return
         for each in predicted_many(self.simulation, [self.completed(values) for values in sets]):
             yield np.ascontiguousarray(each.T)
 

@@ -52,6 +52,10 @@ class Neutral:
                 raise unknown_name(f"{self._system}: parameter {key}", key, self._values)
         return Complete(self._system, {**self._values, **values})
 
+    def mark(self, values: Values) -> frozenset[tuple[str, float]]:
+        """Return what tells `values` apart from all that predict otherwise: those that are not neutral."""
+        return frozenset(each for each in values.items() if each[1] != self._values.get(each[0]))
+
 
 def predicted(simulation: Simulation, values: Values) -> FloatArray:
     """Return what `simulation` predicts from `values`, all else neutral; raises UserError for an unknown key."""

@@ -4,7 +4,8 @@ Called where the library's effects leave a simulation unexplained.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from discrepancy.recordings import Recordings
 from discrepancy.restricted import Restricted
 from discrepancy.search.candidates import Candidate
 from discrepancy.search.fit import Fit, Intervals
-from discrepancy.search.pruning import immaterial, intervals_of
+from discrepancy.search.pruning import immaterial, intervals_of, short_of_neutral
 from discrepancy.search.search import Found
 from discrepancy.simulation import Simulation
 from discrepancy.values import Neutral
@@ -154,16 +155,19 @@ def _learned(task: _Task) -> Construction | None:
 
 
 def _kept(problem: Problem, selection: Selection, found: Found) -> Models:
-    """Return the models with those of the causes found that are surely larger than their scale."""
+    """Return the models with those of the causes found that are surely larger than their scale, or without which the
+    fit is surely worse.
+    """
     best, causes = found.best, found.causes
     while causes:
-        gone = immaterial(problem, best, intervals_of(problem, best), causes)
+        gone = immaterial(problem, best, intervals_of(problem, best), causes, partial(selection.rise, best))
         if not gone:
             break
         cause = next(each for each in causes if each.effect == gone[-1])
         causes = tuple(each for each in causes if each.effect != cause.effect)
         best = selection.without(best, cause) if causes else found.base
-    return _models(problem, found.base, best, causes)
+    models = _models(problem, found.base, best, causes)
+    return replace(models, extended_intervals=short_of_neutral(problem, best, models.extended_intervals, causes))
 
 
 def _models(problem: Problem, base: Fit, best: Fit, causes: tuple[Candidate, ...]) -> Models:

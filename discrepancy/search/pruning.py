@@ -1,6 +1,6 @@
 """Which of the causes found stand on something: larger than what matters, in their bounds, and true elsewhere too."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import isfinite
@@ -12,6 +12,7 @@ from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate, noise_beneath
 from discrepancy.search.carried import carried
 from discrepancy.search.fit import Fit, Intervals, columns_of, intervals
+from discrepancy.search.refits import price
 from discrepancy.search.search import Found, Search
 from messages.constants import NORMAL_95
 
@@ -46,24 +47,49 @@ def intervals_of(problem: Problem, fit: Fit) -> Intervals:
     return intervals(problem, white, rated, columns_of(problem, fit.values, (*problem.base, *fit.keys)))
 
 
-def immaterial(problem: Problem, fit: Fit, found: Intervals, causes: Sequence[Candidate]) -> list[str]:
+def immaterial(
+    problem: Problem,
+    fit: Fit,
+    found: Intervals,
+    causes: Sequence[Candidate],
+    rise: Callable[[Candidate], float] = lambda _: 0.0,
+) -> list[str]:
     """Return the causes none of whose deciding parameters is surely further from neutral than matters, and those
     with a deciding parameter on a bound that is not its own, beyond which the truth may lie.
 
     A parameter decides that changes the prediction while all others of the effect are neutral: a damping or an onset
-    says nothing of an effect's being there. One with an infinite neutral value is judged by χ² alone.
+    says nothing of an effect's being there. One with an infinite neutral value is judged by χ² alone. So is a cause
+    without which χ² would rise by more than the price of its parameters, where `rise` tells by how much: an interval is
+    made from slopes at the fit, and where a threshold is steep, as of an overflow, the slopes there say little of what
+    would be without it.
     """
     out = []
-    for name in dict.fromkeys(each.effect for each in causes):
+    for name, cause in {each.effect: each for each in causes}.items():
         sure = bounded = False
         for key in deciding(problem, fit, name):
             p, value = problem.parameters[key], fit.values[key]
             low, high = found.of(key)
             sure = sure or not isfinite(p.neutral) or low > p.neutral + p.least or high < p.neutral - p.least
             bounded = bounded or (not p.own_bounds and value in (p.low, p.high) and value != p.neutral)
-        if bounded or not sure:
+        own = [key for key in fit.keys if key.split(".")[0] == name]
+        if bounded or not (sure or rise(cause) > price(own)):
             out.append(name)
     return out
+
+
+def short_of_neutral(problem: Problem, fit: Fit, found: Intervals, causes: Sequence[Candidate]) -> Intervals:
+    """Return the intervals of causes that all are there: where one parameter alone decides that, its interval ends at
+    its neutral value at the latest.
+    """
+    bounds = found.bounds.copy()
+    for name in dict.fromkeys(each.effect for each in causes):
+        keys = deciding(problem, fit, name)
+        neutral = problem.parameters[keys[0]].neutral
+        if len(keys) == 1 and isfinite(neutral):
+            row = found.keys.index(keys[0])
+            above = fit.values[keys[0]] > neutral
+            bounds[row] = np.maximum(bounds[row], neutral) if above else np.minimum(bounds[row], neutral)
+    return replace(found, bounds=bounds)
 
 
 def deciding(problem: Problem, fit: Fit, name: str) -> list[str]:

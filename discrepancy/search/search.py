@@ -36,6 +36,8 @@ _PROMISING = 0.5
 its score is rare."""
 _SWAPS = 2
 """Rivals of each cause that may take its place."""
+_SECONDS = 2
+"""Candidates that are refitted beside a rival in a cause's place, to see whether both are better than the cause."""
 _RIVAL_FINISHED, _RIVAL_TOLD = 0.2, 0.5
 """Of what χ² rises by without a cause: a rival that fits worse by less is fitted to the end, then told."""
 _OF_EXCESS = 0.03
@@ -182,7 +184,10 @@ class Search:
             material = _OF_EXCESS * max(best.chi2 - refits.white.count, 0.0)
             if len(causes) >= _MANY:
                 material = max(material, _OF_EXPLAINED * (refits.rated(base).chi2 - best.chi2))
-            improved = self._best_of(proposals, best, at_base, max(least, material))
+            enough = max(least, material)
+            improved = self._best_of(proposals, best, at_base, enough)
+            if improved is None:
+                improved = self._best_of(self._exchanged_for_two(best, causes, least), best, at_base, enough)
             if improved is None:
                 return best, causes
             best, causes = self._swapped(*improved)
@@ -207,6 +212,24 @@ class Search:
             begun = {**base.values, **a.start, **b.start}
             out.append((self.refits.fitted(begun, keys, FIRST_STEPS), (a, b)))
         return out
+
+    def _exchanged_for_two(self, best: Fit, causes: tuple[Candidate, ...], least: float) -> list[Proposal]:
+        """Return refits with one cause exchanged for a rival and, beside that, what the rival leaves most for.
+
+        One effect that imitates two is taken in before either: neither of them improves the fit beside it, nor alone in
+        its place. The second may be the cause itself, begun anew where the rival has taken over what was the rival's.
+        Two that gain little for having more parameters imitate the one.
+        """
+        refits = self.refits
+        proposals: list[Proposal] = []
+        for place, rival, fit in self.rivals(best, causes, _SWAPS):
+            swapped = tuple(rival if k == place else each for k, each in enumerate(causes))
+            missing = cost(fit) - cost(best)
+            for second, drop in refits.ranked(fit, self._others(swapped))[:_SECONDS]:
+                if drop - price(second.keys) > missing + _PROMISING * least:
+                    proposals.append((refits.joined(fit, second, FIRST_STEPS), (*swapped, second)))
+        before = refits.rated(refits.base)
+        return [each for each in proposals if simplest_first(before, (best, each[0]), lambda fit: fit)[0] is not best]
 
     def _best_of(self, proposals: Sequence[Proposal], best: Fit, at_base: Products, least: float) -> Proposal | None:
         """Return the best proposal, finished, if its gain on `best` is more than chance gives; else None."""

@@ -29,9 +29,9 @@ _MOST_TILT_RAD: Final = 0.3
 """Of the reference's world: a frame laid on a floor by eye leans less."""
 _SMOOTHED_HZ: Final = (20.0, 50.0)
 """Where fits of a smoothed reference begin: within what a limb's motion holds, and beyond its end."""
-_LEAST_DAMPING: Final = 0.6
+_LEAST_DAMPING: Final = 0.7
 """Of a low pass: filters of sensors are Butterworth's, 0.71, Bessel's, 0.87, or slower; less damping raises what is
-fast, which is another effect."""
+fast, as a delay beside a smoothed reference does."""
 _MOUNTS_HZ: Final = (9.0, 14.0, 22.0, 40.0)
 """Resonances where fits of a mount begin, a factor of about 1.6 apart: a fit begun further off finds none."""
 _MOUNT_ZETA: Final = 0.25
@@ -262,7 +262,12 @@ def _dynamics(facts: Facts) -> Iterable[Effect]:
             "A low pass in the sensor weakens and delays what is fast; −3 dB at the cut-off.",
             "Choose a wider filter of the chip, or undo its delay.",
             "Move faster: a filter weakens what is fast, a late stamp does not.",
-            choices=(("gyro_hz",), ("acc_hz",), ("gyro_hz", "acc_hz"), ("gyro_hz", "acc_hz", "zeta")),
+            choices=(
+                *((name,) for name in ("gyro_hz", "acc_hz")),
+                *((name, "zeta") for name in ("gyro_hz", "acc_hz")),
+                ("gyro_hz", "acc_hz"),
+                ("gyro_hz", "acc_hz", "zeta"),
+            ),
             starts=tuple({"gyro_hz": f_hz, "acc_hz": f_hz, "zeta": float(np.sqrt(0.5))} for f_hz in _CUT_OFFS_HZ),
         ),
         Effect(

@@ -131,6 +131,50 @@ def test_a_rival_that_fits_better_takes_the_cause_s_place() -> None:
     assert [each.effect for each in exchanged[1]] == ["good"]
 
 
+def test_one_cause_that_imitates_two_is_exchanged_for_both() -> None:
+    rng = np.random.default_rng(5)
+    strong, one, two, nothing = np.linalg.qr(rng.normal(size=(1000, 4)))[0].T * np.sqrt(1000.0)
+    rows = {"strong": strong, "imitation": 1.3 * one + two + 0.2 * nothing, "one": one, "two": two}
+    library = [Columns(name, {"p": row[:, None]}) for name, row in rows.items()]
+    measured_ = 1.75 * strong + 1.3 * one + two + rng.normal(size=1000)
+    simulation = LinearSimulation(measured_[:, None], np.stack((one, two), axis=1), library=library)
+    found = Search(Problem(simulation), list(rows), 1).found()
+    assert {each.effect for each in found.causes} == {"strong", "one", "two"}
+
+
+def test_two_causes_of_many_parameters_do_not_take_the_place_of_one_that_says_nearly_as_much() -> None:
+    rng = np.random.default_rng(5)
+    strong, *parts, nothing = np.linalg.qr(rng.normal(size=(1000, 6)))[0].T * np.sqrt(1000.0)
+    one = 0.8 * sum(parts) + 0.2 * nothing
+    library = [
+        Columns("strong", {"p": strong[:, None]}),
+        Columns("one", {"p": one[:, None]}),
+        Columns("left", {"a": parts[0][:, None], "b": parts[1][:, None]}),
+        Columns("right", {"a": parts[2][:, None], "b": parts[3][:, None]}),
+    ]
+    measured_ = 1.75 * strong + 0.8 * sum(parts) + rng.normal(size=1000)
+    simulation = LinearSimulation(measured_[:, None], np.stack(parts, axis=1), library=library)
+    found = Search(Problem(simulation), [each.name for each in library], 1).found()
+    assert {each.effect for each in found.causes} == {"strong", "one"}
+
+
+def test_what_was_predicted_is_not_predicted_again() -> None:
+    asked: list[float] = []
+
+    def model(values: Values) -> FloatArray:
+        asked.append(values["slope.value"])
+        return np.full((_N, 1), values["slope.value"])
+
+    channels = Channels(np.arange(_N) / 100.0, np.zeros((_N, 1)), ("y",), np.zeros((_N, 1)), ("u",))
+    problem = Problem(OwnSimulation("own", channels, model, (effect("slope"), effect("idle"))))
+    begun = len(asked)
+    first = problem.predicted({"slope.value": 1.0})
+    again = [*problem.predicted_many([{"slope.value": 1.0, "idle.value": 0.0}, {"slope.value": 2.0}])]
+    assert asked[begun:] == [1.0, 2.0]
+    assert np.array_equal(first, again[0])
+    assert not first.flags.writeable
+
+
 def test_after_a_swap_the_names_are_those_of_the_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     search = Search(Problem(rig()), [effect.name for effect in EFFECTS], 1)
     by_effect = {each.effect: each for each in search.refits.candidates}

@@ -9,8 +9,9 @@ from discrepancy.evidence.gain import gain
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate
 from discrepancy.search.fit import Intervals
-from discrepancy.search.pruning import deciding, immaterial, louder
+from discrepancy.search.pruning import deciding, immaterial, louder, short_of_neutral
 from discrepancy.search.refits import base_of
+from discrepancy.search.scores import PENALTY
 from discrepancy.search.search import Search
 from tests.bench.discrepancy_bench import EFFECTS, Path, Rig, coloured, measured
 
@@ -61,6 +62,21 @@ def test_a_damping_does_not_decide_and_a_bound_is_no_finding() -> None:
     assert immaterial(problem, fit, found, candidates) == []  # the bound is one that the effect took from the recording
     inside = replace(fit, values={**values, "lag.tau_s": 0.04})
     assert immaterial(problem, inside, Intervals(keys, np.zeros((3, 3)), bounds - 0.01), candidates) == []
+
+
+def test_a_cause_that_the_fit_needs_stays_though_its_interval_reaches_what_does_not_matter() -> None:
+    problem = Problem(rig())
+    base = base_of(problem)[0]
+    key = "lag.tau_s"
+    fit = replace(base, values={**base.values, key: 0.01}, keys=(key,))
+    found = Intervals((key,), np.zeros((1, 1)), np.array([[-0.01, 0.03]]))
+    lag = [Candidate("lag", (), (), {}, (), None)]
+    assert immaterial(problem, fit, found, lag) == ["lag"]
+    assert immaterial(problem, fit, found, lag, lambda _: PENALTY - 1.0) == ["lag"]
+    assert immaterial(problem, fit, found, lag, lambda _: PENALTY + 1.0) == []
+    on_a_bound = replace(fit, values={**base.values, key: problem.parameters[key].high})
+    assert immaterial(problem, on_a_bound, found, lag, lambda _: 1000.0) == ["lag"]
+    assert short_of_neutral(problem, fit, found, lag).of(key) == (0.0, 0.03)
 
 
 def test_best_candidates_at_neutral_and_at_starts_are_both_refitted() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discrepancy.values import predicted
+from discrepancy.values import Neutral, predicted
 from lab.hidden.imu import EFFECTS
 from lab.hidden.imu.motion import Motion, hand_moved, swung
 from lab.hidden.imu.planted import EFFECTS as PLANTED
@@ -17,6 +17,7 @@ from lab.hidden.imu.planted import Recorded, drawn
 from lab.hidden.imu.sensor import Unit, readings
 from messages.errors import UserError
 from systems.imu import load
+from systems.imu.chain import Chain
 from systems.imu.motion import reading_of
 from systems.imu.recording import IMU_FILE, REFERENCE_FILE, ImuRecording
 from systems.imu.simulation import ImuSimulation
@@ -117,6 +118,15 @@ def test_the_library_holds_what_it_must_and_no_more_of_temperature_than_the_reco
     logless = simulated(replace(recorded(Unit()), temperature_degC=None))
     drift = predicted(logless, {"gyro_bias_drift.x_radps2": 1e-4})
     assert predicted(logless, {"temperature.x_radps2": 1e-4}).tobytes() == drift.tobytes()
+
+
+def test_a_low_pass_of_either_sensor_may_have_its_own_damping_and_raises_nothing(clean: ImuSimulation) -> None:
+    (low_pass,) = (each for each in clean.effects if each.name == "low_pass")
+    assert {(name, "zeta") for name in ("gyro_hz", "acc_hz")} <= set(low_pass.choices)
+    least = next(p.low for p in low_pass.parameters if p.name == "zeta")
+    f_hz = np.linspace(0.1, 100.0, 500)
+    passed = Chain.of(Neutral(clean).completed({"low_pass.acc_hz": 12.0, "low_pass.zeta": least}), f_hz).filter
+    assert np.abs(passed).max() < 1.001
 
 
 def test_what_is_worse_than_a_laboratory_changes_little() -> None:
