@@ -88,10 +88,10 @@ class EyeAlignment:
         return FocalDifference(-float(by_place[1]), math.hypot(self.lasting_std, float(std[1])))
 
     def add(self, skew: RowSkew | None, moved_px: float, common_error: float) -> None:
-        """Take what the newest frame shows, if it shows anything, of corners that have moved by `moved_px` since the one
-        before. All may err by `common_error`, of a ray's tangent, in frame after frame.
+        """Take what the newest frame shows, if it shows anything.
 
-        What is seen by the same windows again errs as it did before: it counts by how far it has moved.
+        Its corners have moved by `moved_px` since the frame before: what the same windows see again errs as it did, and
+        counts by how far it has moved. All may err by `common_error`, of a ray's tangent, in frame after frame.
         """
         if skew is None:
             return
