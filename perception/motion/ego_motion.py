@@ -58,7 +58,7 @@ class VisualOdometer:
     """Follows the motion of C from frame to frame.
 
     `skew` is how the eyes' rows differ in the newest pair; `jumps` tell whether all distances have jumped. By
-    `moved_px` (reduced pixels) corners moved in the newest step, half of them by less; infinite where that is unknown.
+    `moved` (of a ray's tangent) corners moved in the newest step, half of them by less; infinite where that is unknown.
     """
 
     longest_step_s = 0.125  # one frame of 20 Hz may be missing: later, nobody knows where to look for a corner
@@ -82,7 +82,7 @@ class VisualOdometer:
         self._unprepared: _Pair | None = None
         self.skew: RowSkew | None = None
         self.jumps = DistanceJumps()
-        self.moved_px = math.inf
+        self.moved = math.inf
         self._mirrored = Mirrored()
         self._expected: tuple[Float32Array, FloatArray] | None = None  # corners of the newest pair, and their depths
 
@@ -113,7 +113,7 @@ class VisualOdometer:
         followed.
         """
         self.prepare_next()
-        before, self.moved_px = self._view, math.inf
+        before, self.moved = self._view, math.inf
         self._unprepared = _Pair(t_exposure_ns, self._stereo.detail(left), self._stereo.detail(right))
         if before is None or not self._can_follow(1e-9 * (t_exposure_ns - before.t_exposure_ns), inner):
             return None
@@ -186,7 +186,8 @@ class VisualOdometer:
             return None
         self._expected = seen_px[step.agrees], points.moved(step.rates)[2][step.agrees]
         noise = inner.noise if step.likely else steady_motion(self._last_rates).noise
-        self.moved_px = float(np.median(np.linalg.norm(seen_px - before.corners_px[good], axis=1)))
+        moved_px = np.linalg.norm(seen_px - before.corners_px[good], axis=1)
+        self.moved = float(np.median(moved_px)) / self._settings.f_px
         self._mirrored.add(step.disagreeing, step.noise)
         common = self.common_error / step_s * _RATES_PER_TANGENT
         return EgoMotion(

@@ -61,7 +61,7 @@ class EyeAlignment:
     calibrated_sigmas = 3.0  # that the calibration may leave of ρ and τ
     sigmas = 4.0  # of chance
     averaged_frames = 60  # some seconds of walking: what one frame says is mostly noise
-    window_px = 11.0  # about a corner that is matched
+    newly_seen = 0.006  # of a ray's tangent: a pixel of the reduced picture, after which a match errs otherwise
     lasting_std = 3e-4  # what no average is better than: corners are matched a little off, always alike
 
     def __init__(self, f_px: float, rows_rad: float) -> None:
@@ -87,30 +87,35 @@ class EyeAlignment:
         by_place, std = self._average()
         return FocalDifference(-float(by_place[1]), math.hypot(self.lasting_std, float(std[1])))
 
-    def add(self, skew: RowSkew | None, moved_px: float, common_error: float) -> None:
+    def add(self, skew: RowSkew | None, moved: float, common_error: float) -> None:
         """Take what the newest frame shows, if it shows anything.
 
-        Its corners have moved by `moved_px` since the frame before: what the same windows see again errs as it did, and
-        counts by how far it has moved. All may err by `common_error`, of a ray's tangent, in frame after frame.
+        Its corners have moved by `moved`, of a ray's tangent, since the frame before: seen again at the same pixels
+        they err as they did, and count by how far they have moved. All may err by `common_error` in frame after frame.
         """
         if skew is None:
             return
         self._common_error = common_error
         self._begin_anew_where_changed(skew)
-        new = min(1.0, moved_px / self.window_px) if self._information.any() else 1.0
+        new = min(1.0, moved / self.newly_seen) if self._information.any() else 1.0
         kept, information = 1.0 - new / self.averaged_frames, new * np.linalg.inv(skew.covariance)
         self._information = kept * self._information + information
         self._weighted = kept * self._weighted + information @ skew.by_place
         by_place, std = self._average()
-        turned = bool((np.abs(by_place) - self.sigmas * std > self._most).any())
-        if turned or self._f_px * abs(skew.median) > self.most_px:
+        beyond = np.abs(by_place) - self._most
+        if (beyond > self.sigmas * std).any() or self._f_px * abs(skew.median) > self.most_px:
             self._aligned_frames = 0
-        else:
+        elif (beyond <= self.sigmas * self._chance).all():  # what corners may share accuses nobody, and acquits nobody
             self._aligned_frames += 1
 
     def _average(self) -> tuple[FloatArray, FloatArray]:
-        covariance = np.linalg.inv(self._information)
-        return covariance @ self._weighted, np.sqrt(covariance.diagonal() + self._common_error**2)
+        """Return ρ, γ and τ (3,), and the deviations of each by chance and by what corners share."""
+        by_place: FloatArray = np.linalg.solve(self._information, self._weighted)
+        return by_place, np.hypot(self._chance, self._common_error)
+
+    @property
+    def _chance(self) -> FloatArray:
+        return np.sqrt(np.linalg.inv(self._information).diagonal())
 
     def _begin_anew_where_changed(self, skew: RowSkew) -> None:
         """Forget the frames before where the newest shows something else: an eye was knocked, or put right."""

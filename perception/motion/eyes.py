@@ -40,6 +40,12 @@ class Eyes:
         """Return what the eyes' rows tell of the difference between their focal lengths."""
         return self._alignment.focal_difference
 
+    @property
+    def _common_error(self) -> float:
+        """Return by about how much corners err alike: by half of what the floor moves at most. What is mirrored moves
+        about half as fast, and while the wearer stands what disagrees is something else."""
+        return min(self.odometer.common_error, 0.5 * self.odometer.moved)
+
     def add_frame(
         self, t_exposure_ns: int, left: GreyImage, right: GreyImage, inner: InnerMotion | None
     ) -> EgoMotion | None:
@@ -49,7 +55,7 @@ class Eyes:
         if jumps.jumped:
             self._bent.forget()
         elif motion is not None:
-            self._bent.add(motion.bend, self.odometer.common_error)
+            self._bent.add(motion.bend, self._common_error)
         if jumps.contradict and (self._bent.is_straight or self._alignment.contradicts):  # or began at wrong distances
             jumps.forget()
             self.scale_is_doubtful = True
@@ -59,4 +65,4 @@ class Eyes:
         """Find what to follow into the next frame, once the estimate has left."""
         self.odometer.prepare_next()
         self.scale_is_doubtful = False
-        self._alignment.add(self.odometer.skew, self.odometer.moved_px, self.odometer.common_error)
+        self._alignment.add(self.odometer.skew, self.odometer.moved, self._common_error)

@@ -7,15 +7,18 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from lab.faults.deformed_view import turned_eye
-from messages import Lens, Pose, StereoCalibration, matrix3, vec3
+from messages import Lens, Pose, Reason, StereoCalibration, matrix3, vec3
 from messages.arrays import FloatArray, GreyImage
 from perception import so3
 from perception.motion.ego_motion import VisualOdometer
+from perception.motion.eyes import Eyes
+from sim_rig.unit import draw_unit
 from tests.bench.data_folder import shared_data
 
 FRAME_NS = 50_000_000
@@ -78,6 +81,21 @@ def test_distances_jump_in_a_real_video_where_an_eye_slips_and_nowhere_else(slip
     assert contradicts == expected
     still = [jump for number, jump in enumerate(jumps_px) if told[number] and number not in (100, 200)]
     assert max(still) < 0.25  # of 0.4, which counts as a jump
+
+
+@pytest.mark.long
+def test_a_pair_whose_calibration_is_out_of_date_is_told_though_the_camera_stands_and_others_move() -> None:
+    """Its rows tell 2.7 mrad of roll and 2.4 of toe-in; a fifth to a third of the corners move by themselves."""
+    folder = shared_data("oakd_balcony_floor")
+    eyes, told = (
+        Eyes(msgspec.structs.replace(draw_unit(1).exact_calibration(), stereo=calibration(folder))),
+        list[Reason](),
+    )
+    for number, (left, right) in enumerate(pairs(folder)):
+        eyes.add_frame(1_000_000_000 + number * FRAME_NS, left, right, None)
+        eyes.finish_frame()
+        told.append(eyes.reason)
+    assert set(told[100:]) == {Reason.EYES_MISALIGNED}
 
 
 @pytest.mark.long

@@ -12,8 +12,8 @@ from perception.motion.eye_alignment import EyeAlignment, RowSkew, row_skew
 
 F_PX, RAW_F_PX = 230.0, 700.0
 NOISE = 0.15 / F_PX
-WALKED_PX, STOOD_PX = 20.0, 0.2
-"""That corners move from frame to frame."""
+WALKED, STOOD = 0.1, 0.0001
+"""That corners move from frame to frame, of a ray's tangent."""
 
 turns = st.floats(-0.03, 0.03)
 
@@ -64,16 +64,16 @@ def test_a_turned_eye_is_told_within_a_second_and_forgiven_after_three_frames(
 ) -> None:
     alignment = EyeAlignment(RAW_F_PX, rows_rad=0.0)
     for seed in range(40):
-        alignment.add(seen(seed), WALKED_PX, 0.0)
+        alignment.add(seen(seed), WALKED, 0.0)
         assert not alignment.contradicts
     told = []
     for seed in range(40, 60):
-        alignment.add(seen(seed, roll, growth, toe), WALKED_PX, 0.0)
+        alignment.add(seen(seed, roll, growth, toe), WALKED, 0.0)
         told.append(alignment.contradicts)
     assert told[-1]
     forgiven = []
     for seed in range(60, 80):
-        alignment.add(seen(seed), WALKED_PX, 0.0)
+        alignment.add(seen(seed), WALKED, 0.0)
         forgiven.append(not alignment.contradicts)
     assert forgiven[-1]
     assert not any(forgiven[:2])
@@ -83,8 +83,8 @@ def test_what_the_calibration_may_leave_is_no_turned_eye() -> None:
     sure, rough = EyeAlignment(RAW_F_PX, rows_rad=0.0), EyeAlignment(RAW_F_PX, rows_rad=0.002)
     for seed in range(20):
         skew = seen(seed, roll=0.004)
-        sure.add(skew, WALKED_PX, 0.0)
-        rough.add(skew, WALKED_PX, 0.0)
+        sure.add(skew, WALKED, 0.0)
+        rough.add(skew, WALKED, 0.0)
     assert sure.contradicts
     assert not rough.contradicts
 
@@ -92,10 +92,10 @@ def test_what_the_calibration_may_leave_is_no_turned_eye() -> None:
 def test_frames_that_tell_nothing_change_nothing() -> None:
     alignment = EyeAlignment(RAW_F_PX, rows_rad=0.0)
     assert math.isinf(alignment.focal_difference.std)
-    alignment.add(seen(3, roll=0.02), WALKED_PX, 0.0)
+    alignment.add(seen(3, roll=0.02), WALKED, 0.0)
     before = alignment.focal_difference
     for _ in range(5):
-        alignment.add(None, WALKED_PX, 0.0)
+        alignment.add(None, WALKED, 0.0)
     assert alignment.contradicts
     assert alignment.focal_difference == before
 
@@ -103,8 +103,8 @@ def test_frames_that_tell_nothing_change_nothing() -> None:
 def test_errors_that_corners_share_are_no_turned_eye_but_a_larger_turn_is() -> None:
     shared, turned = EyeAlignment(RAW_F_PX, rows_rad=0.0), EyeAlignment(RAW_F_PX, rows_rad=0.0)
     for seed in range(20):
-        shared.add(seen(seed, growth=0.006), WALKED_PX, 0.002)
-        turned.add(seen(seed, growth=0.015), WALKED_PX, 0.002)
+        shared.add(seen(seed, growth=0.006), WALKED, 0.002)
+        turned.add(seen(seed, growth=0.015), WALKED, 0.002)
     assert not shared.contradicts
     assert turned.contradicts
     assert shared.focal_difference.std > 0.0019
@@ -114,9 +114,17 @@ def test_who_stands_sees_the_same_errors_again() -> None:
     """The same corners, frame after frame, are off by chance of the first; walked over, the frames tell."""
     alignment = EyeAlignment(RAW_F_PX, rows_rad=0.0)
     for _ in range(60):
-        alignment.add(seen(1, growth=0.0021), STOOD_PX, 0.0)
+        alignment.add(seen(1, growth=0.0021), STOOD, 0.0)
     stood, told_standing = alignment.focal_difference.std, alignment.contradicts
     for seed in range(60):
-        alignment.add(seen(seed, growth=0.0021), WALKED_PX, 0.0)
+        alignment.add(seen(seed, growth=0.0021), WALKED, 0.0)
     assert (told_standing, alignment.contradicts) == (False, True)
     assert alignment.focal_difference.std < 0.8 * stood
+
+
+def test_errors_that_corners_share_acquit_no_eye_that_was_told() -> None:
+    alignment, told = EyeAlignment(RAW_F_PX, rows_rad=0.0), list[bool]()
+    for seed in range(20):
+        alignment.add(seen(seed, growth=0.006), WALKED, 0.0 if seed < 10 else 0.002)
+        told.append(alignment.contradicts)
+    assert all(told[9:])
