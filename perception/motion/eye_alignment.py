@@ -110,12 +110,13 @@ class EyeAlignment:
 
     def _average(self) -> tuple[FloatArray, FloatArray]:
         """Return ρ, γ and τ (3,), and the deviations of each by chance and by what corners share."""
-        by_place: FloatArray = np.linalg.solve(self._information, self._weighted)
+        by_place: FloatArray = np.linalg.solve(self._information, self._weighted).astype(np.float64)
         return by_place, np.hypot(self._chance, self._common_error)
 
     @property
     def _chance(self) -> FloatArray:
-        return np.sqrt(np.linalg.inv(self._information).diagonal())
+        chance: FloatArray = np.sqrt(np.linalg.inv(self._information).diagonal())
+        return chance
 
     def _begin_anew_where_changed(self, skew: RowSkew) -> None:
         """Forget the frames before where the newest shows something else: an eye was knocked, or put right."""
