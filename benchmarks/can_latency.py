@@ -116,7 +116,8 @@ class TimedPublisher(CanPublisher):
     def publish(self, estimate: Estimate, stamp: Stamp) -> None:
         """Leave `estimate` to be sent."""
         if isinstance(estimate, GroundPlane | Setpoint):
-            self.left_ns[type(estimate)][estimate.t_exposure_ns] = time.monotonic_ns()
+            # What withdraws an estimate that is due no more stands for the same exposure: the first counts.
+            self.left_ns[type(estimate)].setdefault(estimate.t_exposure_ns, time.monotonic_ns())
         super().publish(estimate, stamp)
 
 
