@@ -8,7 +8,7 @@ import numpy as np
 from discrepancy.construct.construction import constructed, ported
 from discrepancy.explanation import Explanation
 from discrepancy.findings import Alternatives, Findings
-from discrepancy.judgement import LEAST_REMOVED, Judgement, Models, beside_alone, judged
+from discrepancy.judgement import LEAST_REMOVED, Judgement, Models, beside_alone, far_better, judged
 from discrepancy.problem import MOST_LOST, Problem
 from discrepancy.recordings import Recordings
 from discrepancy.search.agreement import Alone, each_alone
@@ -17,6 +17,7 @@ from discrepancy.search.equivalents import better, equivalents
 from discrepancy.search.pruning import intervals_of, kept
 from discrepancy.search.search import Found, Search
 from discrepancy.simulation import Simulation
+from discrepancy.together import Together, together
 from discrepancy.verdict import Gain
 from messages.errors import UserError
 
@@ -84,12 +85,21 @@ def explain(
     elif judgement.good_enough and not only:
         notes = ("the simulation as it is meets the stated tolerance in every channel",)
         models, judgement = models.withdrawn(), judgement.withdrawn()
-    if not (models.causes or judgement.after.adequate or judgement.good_enough or only):
-        found_more = _constructed(every, models, seed, notes)
-        if found_more is not None:
-            return found_more
+    more: Together | None = None
+    if not (judgement.after.adequate or judgement.good_enough or only):
+        if ported(first) is not None and not far_better(judgement.gain):
+            more = together(recordings, search, found, models, known, seed)
+        if not (models.causes or (more is not None and more.judgement.after.adequate)):
+            found_more = _constructed(every, models, seed, notes, more)
+            if found_more is not None:
+                return found_more
+    alternatives: Alternatives | None = None
+    if more is not None and more.likelier(models.extended):
+        found, models, judgement, alternatives = more.found, more.models, more.judgement, more.alternatives()
+        notes, alone = (), _alone(recordings, models)
+        judgement = beside_alone(judgement, alone) if alone else judgement
     notes += (*_compared(recordings), *_beyond(recordings))
-    alternatives = _alternatives(search, models, rivals=not only)
+    alternatives = alternatives or _alternatives(search, models, rivals=not only)
     quiet = judgement.after.adequate and not models.causes and not only
     smallest = search.smallest(found.chance) if quiet else None
     return Findings(
@@ -136,10 +146,14 @@ def _failing(judgement: Judgement) -> str:
     return "those held out: " + ", ".join(each.name for each in judgement.held_out if not _holds(each.gain))
 
 
-def _constructed(every: _Given, models: Models, seed: int, notes: tuple[str, ...]) -> Explanation | None:
-    """Return the explanation by terms made at the simulation's ports, None where none holds elsewhere."""
+def _constructed(
+    every: _Given, models: Models, seed: int, notes: tuple[str, ...], more: Together | None
+) -> Explanation | None:
+    """Return the explanation by terms made at the simulation's ports, None where none holds elsewhere, or where `more`
+    causes of the library are likelier.
+    """
     made = constructed(every.fit, every.held_out, every.names, models.base.values, seed)
-    if made is None:
+    if made is None or (more is not None and more.likelier(made.models.extended)):
         return None
     recordings, causes = made.recordings, made.models.causes
     as_good, rival = made.alike()

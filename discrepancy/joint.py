@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from discrepancy.evidence.whitening import JointWhitening, whitening
+from discrepancy.evidence.whitening import LOADING, JointWhitening, whitening
 from discrepancy.problem import Problem
 from discrepancy.simulation import Parameter, Simulation, Values
 from discrepancy.values import Complete
@@ -79,9 +79,12 @@ class JointProblem(Problem):
         own = {name: values[key] for name in self._parts[part].own if (key := _key(name, part)) in values}
         return {**{key: value for key, value in values.items() if plain(key) not in self._parts[part].own}, **own}
 
-    def whitening(self, residual: FloatArray) -> JointWhitening:
-        """Return the whitening under which `residual` (c, n) is unit noise, each recording by itself."""
-        own = [whitening(np.ascontiguousarray(residual[:, a:b]), part.valid) for part, (a, b) in self._stretches()]
+    def whitening(self, residual: FloatArray, loading: float = LOADING) -> JointWhitening:
+        """Return the whitening under which `residual` (c, n) is unit noise, each recording by itself, with white noise
+        of the share `loading` of its power beside it.
+        """
+        stretches = [(part.valid, np.ascontiguousarray(residual[:, a:b])) for part, (a, b) in self._stretches()]
+        own = [whitening(left, valid, loading) for valid, left in stretches]
         return JointWhitening(own, self.edges)
 
     def completed(self, values: Values) -> Complete:

@@ -23,6 +23,8 @@ from messages.arrays import FloatArray
 
 LEAST_REMOVED = 0.5
 """Of the held-out error's power above the noise: what causes must remove, frozen, to be named."""
+_LEAST_SMALLER = 0.67
+"""Of the base model's held-out error: what many causes, or forms, must bring it below; they fit anything a little."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,16 @@ class Judgement:
             held_out=tuple(each.withdrawn() for each in self.held_out),
             gain=_without_gain(self.gain),
         )
+
+
+def far_better(gain: Gain) -> bool:
+    """Return whether an extension removes half of the held-out excess, as any cause must, and makes the error smaller
+    by a third.
+    """
+    before, after, removed = gain.held_out_nrmse_before, gain.held_out_nrmse_after, gain.share_of_excess_removed
+    if before is None or after is None or removed is None:
+        return False
+    return removed >= LEAST_REMOVED and after < _LEAST_SMALLER * before
 
 
 def judged(recordings: Recordings, models: Models, seed: int) -> Judgement:

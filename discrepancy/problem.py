@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from discrepancy.evidence.noise import Noise, known_noise
-from discrepancy.evidence.whitening import White, whitening
+from discrepancy.evidence.whitening import LOADING, White, whitening
 from discrepancy.simulation import Channels, Effect, Parameter, SideBySide, Simulation, Values, predicted_many
 from discrepancy.values import Complete, Neutral
 from messages.arrays import BoolArray, FloatArray
@@ -81,9 +81,11 @@ class Problem:
         """Return `values` as a recording of this problem, the only one, takes them."""
         return values
 
-    def whitening(self, residual: FloatArray) -> White:
-        """Return the whitening under which `residual` (c, n) is unit noise."""
-        return whitening(residual, self.valid)
+    def whitening(self, residual: FloatArray, loading: float = LOADING) -> White:
+        """Return the whitening under which `residual` (c, n) is unit noise, with white noise of the share `loading` of
+        its power beside it.
+        """
+        return whitening(residual, self.valid, loading)
 
     def start(self) -> dict[str, float]:
         """Return the base model's parameters where its fit begins."""

@@ -12,7 +12,7 @@ import numpy as np
 from discrepancy.construct.columns import Ports
 from discrepancy.construct.selection import Selection
 from discrepancy.construct.terms import MadeTerm
-from discrepancy.judgement import LEAST_REMOVED, Judgement, Models, judged
+from discrepancy.judgement import Judgement, Models, far_better, judged
 from discrepancy.ports.simulation import PortedSimulation
 from discrepancy.problem import Problem
 from discrepancy.recordings import Recordings
@@ -23,9 +23,6 @@ from discrepancy.search.pruning import immaterial, intervals_of, short_of_neutra
 from discrepancy.search.search import Found
 from discrepancy.simulation import Simulation
 from discrepancy.values import Neutral
-
-_LEAST_SMALLER = 0.67
-"""Of the base model's held-out error: what a construction must bring it below; many forms fit anything a little."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +38,8 @@ class Construction:
 
     @property
     def holds(self) -> bool:
-        """Return whether it removes half of the held-out excess, as any cause must, and makes the error smaller by a
-        third.
-        """
-        gain = self.judgement.gain
-        before, after, removed = gain.held_out_nrmse_before, gain.held_out_nrmse_after, gain.share_of_excess_removed
-        if before is None or after is None or removed is None:
-            return False
-        return removed >= LEAST_REMOVED and after < _LEAST_SMALLER * before
+        """Return whether what it gains holds on the recordings held out."""
+        return far_better(self.judgement.gain)
 
     def alike(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
         """Return for each cause what fits as well in its place, with the rise of χ², and the rise of the best that does

@@ -29,7 +29,7 @@ _SAMPLES_OF_A_LAG = 60
 """Of the recording, for each single lag: each weight is estimated from so many."""
 _LONGEST_LAG_SHARE = 12
 """The longest lag is at most this fraction of the recording: slower noise is seen too few times."""
-_LOADING = 1e-5
+LOADING = 1e-5
 """Of a residual's power: white noise assumed below it, so that bands without any noise cannot outweigh all."""
 _RUN_IN = 8
 """Samples after a gap that do not count: by then the filter, whose first lags weigh most, sees mostly true ones."""
@@ -151,8 +151,10 @@ class JointWhitening:
         return np.concatenate([part(values[..., a:b]) for part, (a, b) in zip(self.parts, ends, strict=True)], axis=-1)
 
 
-def whitening(residual: FloatArray, valid: BoolArray) -> Whitening:
-    """Return the whitening under which `residual` (c, n), filled where not `valid`, is unit noise."""
+def whitening(residual: FloatArray, valid: BoolArray, loading: float = LOADING) -> Whitening:
+    """Return the whitening under which `residual` (c, n), filled where not `valid`, is unit noise, with white noise
+    of the share `loading` of its power beside it.
+    """
     c, n = residual.shape
     bands = _bands(n)
     reach = bands[-1][1]
@@ -161,7 +163,7 @@ def whitening(residual: FloatArray, valid: BoolArray) -> Whitening:
     kernels = np.zeros((c, reach + 1))
     for row in range(c):
         if kept[row].any():
-            kernels[row] = _kernel(residual[row], kept[row], bands)
+            kernels[row] = _kernel(residual[row], kept[row], bands, loading)
     response = fft.rfft(kernels, padded, axis=1)
     innovations = _filtered(residual, response, reach)
     together = kept.all(axis=0)
@@ -226,11 +228,11 @@ def _after_gap(valid: BoolArray) -> BoolArray:
     return soon
 
 
-def _kernel(r: FloatArray, kept: BoolArray, bands: list[tuple[int, int]]) -> FloatArray:
+def _kernel(r: FloatArray, kept: BoolArray, bands: list[tuple[int, int]], loading: float) -> FloatArray:
     """Return the filter of (1) for one channel (n,): 1, then minus the weight of every lag."""
     use = _past(r, bands)[:, kept]
     gram = use @ use.T
-    gram[np.diag_indices(len(bands))] += _LOADING * float(r[kept] @ r[kept]) + np.finfo(float).tiny
+    gram[np.diag_indices(len(bands))] += loading * float(r[kept] @ r[kept]) + np.finfo(float).tiny
     weight = np.linalg.solve(gram, use @ r[kept])
     kernel = np.zeros(bands[-1][1] + 1)
     kernel[0] = 1.0

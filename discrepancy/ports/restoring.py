@@ -39,7 +39,7 @@ def restoring(span: PortSpan, step_s: float, others: Sequence[Port] = ()) -> lis
     for role in ("position", "level"):
         place = span.port.place(role)
         if place is not None:
-            found += _springs(span, role, place) + _limits(span, role, place, step_s, others)
+            found += _springs(span, role, place, step_s) + _limits(span, role, place, step_s, others)
             found += [_cogging(span, place)] if role == "position" else []
     return found
 
@@ -59,7 +59,7 @@ def _constant(span: PortSpan) -> PortTerm:
     )
 
 
-def _springs(span: PortSpan, role: Role, place: int) -> list[PortTerm]:
+def _springs(span: PortSpan, role: Role, place: int, step_s: float) -> list[PortTerm]:
     term = partial(at_port, span.port)
     unit, size = span.port.signals[place].unit, span.signals[place].size
     most, force = MOST * span.size, SHARE * span.size
@@ -74,7 +74,10 @@ def _springs(span: PortSpan, role: Role, place: int) -> list[PortTerm]:
         x = signals[place]
         return -p["value"] * (x - np.clip(x, -p["gap"], p["gap"])), ()
 
-    stiffness = Parameter("value", over(span.port.unit, unit), 0.0, -most / size, most / size, force / size)
+    softest = most / size
+    if role == "level":
+        softest = max(softest, _STIFFEST / (span.response * step_s))  # what flows in and out may all but balance
+    stiffness = Parameter("value", over(span.port.unit, unit), 0.0, -softest, softest, force / size)
     if role == "level":
         return [
             term(
