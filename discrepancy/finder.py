@@ -8,7 +8,7 @@ import numpy as np
 from discrepancy.construct.construction import constructed, ported
 from discrepancy.explanation import Explanation
 from discrepancy.findings import Alternatives, Findings
-from discrepancy.judgement import LEAST_REMOVED, Judgement, Models, beside_alone, far_better, judged
+from discrepancy.judgement import LEAST_REMOVED, Judgement, Models, beside_alone, judged
 from discrepancy.problem import MOST_LOST, Problem
 from discrepancy.recordings import Recordings
 from discrepancy.search.agreement import Alone, each_alone
@@ -17,7 +17,7 @@ from discrepancy.search.equivalents import better, equivalents
 from discrepancy.search.pruning import intervals_of, kept
 from discrepancy.search.search import Found, Search
 from discrepancy.simulation import Simulation
-from discrepancy.together import Together, together
+from discrepancy.together import Together, little_explained, together
 from discrepancy.verdict import Gain
 from messages.errors import UserError
 
@@ -87,7 +87,7 @@ def explain(
         models, judgement = models.withdrawn(), judgement.withdrawn()
     more: Together | None = None
     if not (judgement.after.adequate or judgement.good_enough or only):
-        if ported(first) is not None and not far_better(judgement.gain):
+        if ported(first) is not None and little_explained(recordings.fit, models):
             more = together(recordings, search, found, models, known, seed)
         if not (models.causes or (more is not None and more.judgement.after.adequate)):
             found_more = _constructed(every, models, seed, notes, more)

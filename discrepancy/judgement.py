@@ -23,7 +23,7 @@ from messages.arrays import FloatArray
 
 LEAST_REMOVED = 0.5
 """Of the held-out error's power above the noise: what causes must remove, frozen, to be named."""
-_LEAST_SMALLER = 0.67
+LEAST_SMALLER = 0.67
 """Of the base model's held-out error: what many causes, or forms, must bring it below; they fit anything a little."""
 
 
@@ -119,7 +119,7 @@ def far_better(gain: Gain) -> bool:
     before, after, removed = gain.held_out_nrmse_before, gain.held_out_nrmse_after, gain.share_of_excess_removed
     if before is None or after is None or removed is None:
         return False
-    return removed >= LEAST_REMOVED and after < _LEAST_SMALLER * before
+    return removed >= LEAST_REMOVED and after < LEAST_SMALLER * before
 
 
 def judged(recordings: Recordings, models: Models, seed: int) -> Judgement:

@@ -7,8 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from discrepancy.findings import Alternatives
-from discrepancy.judgement import Judgement, Models, far_better, judged
+from discrepancy.judgement import LEAST_SMALLER, Judgement, Models, far_better, judged
+from discrepancy.problem import Problem
 from discrepancy.recordings import Recordings
 from discrepancy.search.carried import carried
 from discrepancy.search.equivalents import SAME_CHI2
@@ -50,6 +53,12 @@ class Together:
             if len(worse) > len(near):
                 rival[effect] = worse[len(near)][0]
         return Alternatives(rise, as_good, rival)
+
+
+def little_explained(problem: Problem, models: Models) -> bool:
+    """Return whether the causes found leave most of the simulated error on the recordings they are fitted to."""
+    fell = deviance(problem, models.base) - deviance(problem, models.extended)
+    return bool(fell < -2.0 * problem.valid.sum() * np.log(LEAST_SMALLER))
 
 
 def together(
