@@ -87,7 +87,7 @@ class SimulatedSearch:
         while len(followed[0].causes) < _MOST_CAUSES:
             before = followed[0]
             white = unfiltered(before.fit.residual, self._problem.valid)
-            grown = _distinct((each for parent in followed for each in self._grown(parent, white)), self._order)
+            grown = distinct((each for parent in followed for each in self._grown(parent, white)), self._order)
             if not grown or not self._material(grown[0], before):
                 break
             near = _NEAR * (before.cost - grown[0].cost)
@@ -287,7 +287,7 @@ def _same(one: CauseSet, other: CauseSet) -> bool:
     return len(one.fit.keys) == len(other.fit.keys) and apart < _SAME_ERROR * float(np.sum(one.fit.residual**2))
 
 
-def _distinct(sets: Iterable[CauseSet], order: dict[str, int]) -> list[CauseSet]:
+def distinct(sets: Iterable[CauseSet], order: dict[str, int]) -> list[CauseSet]:
     """Return the sets, best first, and of those whose error is the same the one whose effects come first in `order`, so
     that no last bit decides.
     """
