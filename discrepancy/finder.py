@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from discrepancy.construct.construction import constructed, ported
+from discrepancy.construct.construction import Construction, constructed, ported
 from discrepancy.explanation import Explanation
 from discrepancy.findings import Alternatives, Findings
 from discrepancy.judgement import LEAST_REMOVED, Judgement, Models, beside_alone, judged
@@ -87,12 +87,13 @@ def explain(
         models, judgement = models.withdrawn(), judgement.withdrawn()
     more: Together | None = None
     if not (judgement.after.adequate or judgement.good_enough or only):
+        made = None if models.causes else constructed(every.fit, every.held_out, every.names, models.base.values, seed)
+        if made is not None and made.suffices:
+            return _constructed(made, seed, notes)
         if ported(first) is not None and little_explained(recordings.fit, models):
             more = together(recordings, search, found, models, known, seed)
-        if not (models.causes or (more is not None and more.judgement.after.adequate)):
-            found_more = _constructed(every, models, seed, notes, more)
-            if found_more is not None:
-                return found_more
+        if made is not None and not (more is not None and more.likelier(made.models.extended)):
+            return _constructed(made, seed, notes)
     alternatives: Alternatives | None = None
     if more is not None and more.likelier(models.extended):
         found, models, judgement, alternatives = more.found, more.models, more.judgement, more.alternatives()
@@ -146,15 +147,8 @@ def _failing(judgement: Judgement) -> str:
     return "those held out: " + ", ".join(each.name for each in judgement.held_out if not _holds(each.gain))
 
 
-def _constructed(
-    every: _Given, models: Models, seed: int, notes: tuple[str, ...], more: Together | None
-) -> Explanation | None:
-    """Return the explanation by terms made at the simulation's ports, None where none holds elsewhere, or where `more`
-    causes of the library are likelier.
-    """
-    made = constructed(every.fit, every.held_out, every.names, models.base.values, seed)
-    if made is None or (more is not None and more.likelier(made.models.extended)):
-        return None
+def _constructed(made: Construction, seed: int, notes: tuple[str, ...]) -> Explanation:
+    """Return the explanation by terms made at the simulation's ports."""
     recordings, causes = made.recordings, made.models.causes
     as_good, rival = made.alike()
     rise = {cause.effect: made.rise(cause) for cause in causes}

@@ -41,6 +41,11 @@ class Construction:
         """Return whether what it gains holds on the recordings held out."""
         return far_better(self.judgement.gain)
 
+    @property
+    def suffices(self) -> bool:
+        """Return whether a single cause leaves nothing to explain; of several, those of a library may be simpler."""
+        return len(self.models.causes) == 1 and self.judgement.after.adequate
+
     def alike(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
         """Return for each cause what fits as well in its place, with the rise of χ², and the rise of the best that does
         not.

@@ -65,7 +65,7 @@ def _tanks(seed: int, hidden: Values) -> Problem:
     for k in range(1, _N):
         noise[k] = 0.98 * noise[k - 1] + rng.normal(0.0, 0.02)
     level = _level(inflow, {**_TRUE, **hidden}) + noise + rng.normal(0.0, 0.01, _N)
-    channels = Channels(np.arange(_N) * 1.0, level[:, None], ("level",), inflow[:, None], ("inflow",))
+    channels = Channels(np.arange(_N, dtype=np.float64), level[:, None], ("level",), inflow[:, None], ("inflow",))
     base = tuple(Parameter(name, "1", 0.1, 0.005, 1.0, 1e-3) for name in _TRUE)
     return Problem(OwnSimulation("tanks", channels, lambda values: _level(inflow, values)[:, None], _EFFECTS, base))
 
