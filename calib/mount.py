@@ -46,7 +46,7 @@ _SECOND = (math.radians(0.5), 2e-3)
 """By what the camera's angles (rad) and its stamps (s) may be off before each pass, 1 σ, at least."""
 _DISTANCES = 0.01
 """By what distances may seem wrong meanwhile, 1 σ: angles and stamps that are off make them so."""
-_ACROSS_RAD, _PICTURES_S = math.radians(0.03), 1.5e-4
+_ACROSS_RAD, _PICTURES_S = math.radians(0.02), 3e-5
 """What pictures leave beyond the filter's own deviation, 1 σ: of the camera's turn about the axis across its view, of
 which the odometer errs alike from step to step while walking, and of its stamps. From told walks with the odometer's
 errors on rendered ones (`python -m benchmarks.mounting`, seeds below 100)."""

@@ -76,11 +76,15 @@ class Unit:
         def axes(sigma: float) -> FloatArray:
             return rng.normal(0.0, sigma, 3)
 
+        def matrix(sigma: float) -> FloatArray:
+            return np.eye(3) + np.where(np.eye(3, dtype=bool), np.diag(axes(sigma)), leaning.normal(0.0, sigma, (3, 3)))
+
+        (leaning,) = rng.spawn(1)
         imu = replace(
             exact.imu,
             sf_bias_mps2=vec3(self.chip.sf_bias_mps2 + axes(residual.specific_force_mps2)),
-            sf_matrix=matrix3(np.diag(1.0 + axes(residual.scale)) @ exact.imu.sf_matrix),
-            w_matrix=matrix3(np.diag(1.0 + axes(residual.scale)) @ exact.imu.w_matrix),
+            sf_matrix=matrix3(matrix(residual.scale) @ exact.imu.sf_matrix),
+            w_matrix=matrix3(matrix(residual.scale) @ exact.imu.w_matrix),
         )
         toe_in = Rotation.from_rotvec([0.0, rng.normal(0.0, residual.toe_in_rad), 0.0])
         X_RL = replace(self.stereo.X_RL, R=matrix3(toe_in.as_matrix() @ self.stereo.X_RL.R))
