@@ -138,7 +138,7 @@ USUAL_CALIBRATION_DEGC = (30.0, 5.0)
 class Residual(msgspec.Struct, frozen=True, kw_only=True):
     """One standard deviation of what the calibration leaves behind.
 
-    `scale` is that of each element of the IMU's matrices: of an axis's scale, and of how far it leans towards another.
+    `scale` is that of each element of the IMU's matrices: of an axis's scale, and of its sensitivity across it.
     `toe_in_rad` is the angle between the optical axes of the pair, that inside a depth camera too; `rows_rad` by how
     much what lenses and rectification leave moves one eye's picture against the other's, here and there.
     `focal_length` is relative, of each eye, independently; `baseline` relative. `specific_force_mps2_per_K` is by what

@@ -77,9 +77,11 @@ class Unit:
             return rng.normal(0.0, sigma, 3)
 
         def matrix(sigma: float) -> FloatArray:
-            return np.eye(3) + np.where(np.eye(3, dtype=bool), np.diag(axes(sigma)), leaning.normal(0.0, sigma, (3, 3)))
+            error = cross_axis.normal(0.0, sigma, (3, 3))
+            np.fill_diagonal(error, axes(sigma))
+            return np.eye(3) + error
 
-        (leaning,) = rng.spawn(1)
+        (cross_axis,) = rng.spawn(1)
         imu = replace(
             exact.imu,
             sf_bias_mps2=vec3(self.chip.sf_bias_mps2 + axes(residual.specific_force_mps2)),

@@ -100,9 +100,11 @@ def test_what_covers_blurs_or_turns_the_view_leaves_no_plane_of_chance(name: str
     """With an eye blurred by 9 px one frame at the foot of a ramp is wrong on three units of twelve; none elsewhere."""
     grounds, _, wearer = told_since(name, seed, seconds)
     assert len(grounds) > 20
-    at_edges = [ground for ground in grounds if wearer.truth_of(ground).transition]
-    assert wrong([ground for ground in grounds if ground not in at_edges], wearer) == 0
-    assert wrong(at_edges, wearer) <= (name == "blur-9")
+    at_edge, elsewhere = list[GroundPlane](), list[GroundPlane]()
+    for ground in grounds:
+        (at_edge if wearer.truth_of(ground).transition else elsewhere).append(ground)
+    assert wrong(elsewhere, wearer) == 0
+    assert wrong(at_edge, wearer) <= (1 if name == "blur-9" else 0)
 
 
 @pytest.mark.long

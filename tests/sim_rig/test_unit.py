@@ -49,7 +49,7 @@ def test_a_calibration_leaves_the_residual_it_states_and_nothing_else() -> None:
     unit = draw_unit(5)
     exact = unit.exact_calibration()
     rng = np.random.default_rng(0)
-    names = ("sf", "scale", "leaning", "toe_in", "mounting", "time", "focal", "baseline")
+    names = ("sf", "scale", "cross_axis", "toe_in", "mounting", "time", "focal", "baseline")
     errors: dict[str, list[float]] = {name: [] for name in names}
     for _ in range(400):
         found = unit.calibration(rng)
@@ -57,7 +57,7 @@ def test_a_calibration_leaves_the_residual_it_states_and_nothing_else() -> None:
         for matrix, true in ((found.imu.sf_matrix, exact.imu.sf_matrix), (found.imu.w_matrix, exact.imu.w_matrix)):
             ratio = np.array(matrix) @ np.linalg.inv(np.array(true))
             errors["scale"] += list(np.diag(ratio) - 1.0)
-            errors["leaning"] += list((ratio - np.diag(np.diag(ratio)))[~np.eye(3, dtype=bool)])
+            errors["cross_axis"] += list((ratio - np.diag(np.diag(ratio)))[~np.eye(3, dtype=bool)])
         pair = Rotation.from_matrix(np.array(found.stereo.X_RL.R) @ np.array(exact.stereo.X_RL.R).T).as_rotvec()
         errors["toe_in"].append(pair[1])
         np.testing.assert_allclose(pair[[0, 2]], 0.0, atol=1e-12)
@@ -82,7 +82,7 @@ def test_a_calibration_leaves_the_residual_it_states_and_nothing_else() -> None:
     for name, sigma in (
         ("sf", 1.5e-3 * STANDARD_GRAVITY_MPS2),
         ("scale", 0.0005),
-        ("leaning", 0.0005),
+        ("cross_axis", 0.0005),
         ("toe_in", np.deg2rad(0.01)),
         ("mounting", np.deg2rad(0.05)),
         ("time", 0.5e-3),
