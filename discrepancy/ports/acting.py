@@ -13,6 +13,9 @@ from messages.errors import UserError, unknown_name
 
 T = TypeVar("T")
 
+_MOST_APART = 2
+"""Parameters in which sets differ that are moved from the same values, each along one."""
+
 Where = slice | IntArray
 """Of k sets of parameters, those in which a term acts."""
 
@@ -25,6 +28,19 @@ class PortActing:
     where: Where
     values: Arrays
     own: slice
+
+    def only(self, rows: IntArray, k: int) -> "PortActing | None":
+        """Return the term where it acts in some `rows` of the k sets, None where in none."""
+        acts = np.zeros(k, bool)
+        acts[self.where] = True
+        place = np.where(acts, np.cumsum(acts) - 1, -1)
+        kept = np.flatnonzero(place[rows] >= 0)
+        if not len(kept):
+            return None
+        here = place[rows[kept]]
+        return PortActing(
+            self.term, _where(kept.tolist()), {name: value[here] for name, value in self.values.items()}, self.own
+        )
 
 
 @dataclass(frozen=True)
@@ -48,7 +64,8 @@ class Named(dict[str, FloatArray]):
 class Batch:
     """What k predictions side by side are made from: samples `step_s` apart, inputs (i, k, n) and parameters (k,).
 
-    `at_ports` are the terms that act, with `memory` states of their own together.
+    `at_ports` are the terms that act, with `memory` states of their own together. `leaders` (k,) tell which set's
+    prediction each is near to, its own where none is.
     """
 
     step_s: float
@@ -57,6 +74,7 @@ class Batch:
     ports: tuple[Port, ...]
     at_ports: tuple[PortActing, ...]
     memory: int
+    leaders: IntArray
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -67,6 +85,19 @@ class Batch:
     def whole_values(self) -> Named:
         """Return the parameters as (k, 1), for whole signals."""
         return Named({name: value[:, None] for name, value in self.values.items()})
+
+    def only(self, rows: IntArray) -> "Batch":
+        """Return the batch of some of the sets, each its own leader; all terms keep their states."""
+        found = [each.only(rows, self.shape[0]) for each in self.at_ports]
+        return Batch(
+            self.step_s,
+            self.inputs[:, rows],
+            Named({name: value[rows] for name, value in self.values.items()}),
+            self.ports,
+            tuple(each for each in found if each is not None),
+            self.memory,
+            np.arange(len(rows)),
+        )
 
 
 def at_ports(terms: Sequence[Term], sets: Sequence[Values]) -> tuple[tuple[PortActing, ...], int]:
@@ -89,6 +120,17 @@ def on_signals(terms: Sequence[Term], side: str, sets: Sequence[Values]) -> list
             values = {name: value[:, None] for name, value in _values(term.effect, sets, rows).items()}
             found.append(SignalActing(term, _where(rows), values))
     return found
+
+
+def leaders(sets: Sequence[Values]) -> IntArray:
+    """Return for each of the `sets` the first that differs from it in so few parameters that one prediction is near to
+    the other, itself where there is none (k,).
+    """
+    found: list[int] = []
+    for k, values in enumerate(sets):
+        near = (j for j in dict.fromkeys(found) if len(dict(values.items() ^ sets[j].items())) <= _MOST_APART)
+        found.append(next(near, k))
+    return np.array(found)
 
 
 def _rows(effect: Effect, sets: Sequence[Values]) -> list[int]:

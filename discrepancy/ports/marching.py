@@ -12,11 +12,12 @@ which is a triangular band of equations (Lim et al., Parallelizing non-linear se
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.blas import dtbsv
 
-from messages.arrays import BoolArray, FloatArray
+from messages.arrays import BoolArray, FloatArray, IntArray
 
 _AT_ONCE = 4096
 """Samples of all sets of parameters in a window: fewer leave Python's own cost, more the processor's memory."""
@@ -35,20 +36,52 @@ Step = Callable[[FloatArray, int], FloatArray]
 """From states (s, k, w) at w samples and the first one's number: the states one sample later."""
 
 
-def march(step: Step, begun: FloatArray, n: int) -> FloatArray:
-    """Return the states (s, k, n) of all samples from those `begun` (s, k) with; not finite where they diverged."""
+class Near(NamedTuple):
+    """Where Newton's method begins for k sets: states (s, l, n) that are solved, the slopes A (s, s, l, n - 1) of (2)
+    there, and which of the l each set is near to, (k,)."""
+
+    path: FloatArray
+    slopes: FloatArray
+    of: IntArray
+
+    @classmethod
+    def to(cls, path: FloatArray, step: Step, of: IntArray) -> "Near":
+        """Return what is near to a `path` (s, l, n) that `step` solves."""
+        s, k, n = path.shape
+        slopes = np.empty((s, s, k, n - 1))
+        size = np.maximum(np.abs(path).max(axis=2), 1.0)
+        w = _widest(k)
+        for i in range(0, n - 1, w):
+            x = path[:, :, i : min(i + w, n - 1)]
+            slopes[:, :, :, i : i + w] = _slopes(step, x, step(x, i), i, size)
+        return cls(path, slopes, of)
+
+    def window(self, first: int, w: int) -> tuple[FloatArray, FloatArray]:
+        """Return the states (s, k, w + 1) from a sample on, and the slopes (s, s, k, w)."""
+        return self.path[:, self.of, first : first + w + 1], self.slopes[:, :, self.of, first : first + w]
+
+
+def march(step: Step, begun: FloatArray, n: int, near: Near | None = None) -> FloatArray:
+    """Return the states (s, k, n) of all samples from those `begun` (s, k) with; not finite where they diverged.
+
+    What they are `near` to is where the method begins: it then needs few rounds, and no slopes of its own.
+    """
     s, k = begun.shape
     path = np.full((s, k, n), np.nan)
     path[:, :, 0] = begun
     size = np.maximum(np.abs(begun), 1.0)
-    widest = min(_WIDEST, 1 << max(_AT_ONCE // k, 4 * _NARROWEST).bit_length() - 1)
-    i, width = 0, widest
+    widest = width = _widest(k)
+    i = 0
     while i < n - 1:
         alive = np.isfinite(path[:, :, i]).all(axis=0)
         if not alive.any():
             break
         w = min(width, n - 1 - i)
-        found = _window(step, path[:, :, i], i, w, size, alive) if w > 1 else step(path[:, :, i : i + 1], i)
+        guess = None if near is None else near.window(i, w)
+        found = _window(step, path[:, :, i], i, w, size, alive, guess) if w > 1 else step(path[:, :, i : i + 1], i)
+        if found is None and near is not None:
+            near = None
+            continue
         if found is None:
             width = width // 4 if width > _NARROWEST else 1
             continue
@@ -60,14 +93,30 @@ def march(step: Step, begun: FloatArray, n: int) -> FloatArray:
     return path
 
 
+def _widest(k: int) -> int:
+    """Return how many samples a window of k sets has at most, a power of two."""
+    return min(_WIDEST, 1 << max(_AT_ONCE // k, 4 * _NARROWEST).bit_length() - 1)
+
+
 def _window(
-    step: Step, before: FloatArray, first: int, w: int, size: FloatArray, alive: BoolArray
+    step: Step,
+    before: FloatArray,
+    first: int,
+    w: int,
+    size: FloatArray,
+    alive: BoolArray,
+    guess: tuple[FloatArray, FloatArray] | None,
 ) -> FloatArray | None:
     """Return the states (s, k, w) of the samples after `first`, or None where the method does not converge for those
-    sets that are `alive`.
+    sets that are `alive`. A `guess` is of the states, with `before` (s, k), and of the slopes there.
     """
-    x = np.repeat(before[:, :, None], w + 1, axis=2)
     slope: FloatArray | None = None
+    if guess is None:
+        x = np.repeat(before[:, :, None], w + 1, axis=2)
+    else:
+        x, slope = guess
+        x[:, :, 0] = before
+        slope[:, :, ~alive] = 0.0
     far = np.inf
     for _ in range(_ROUNDS):
         there = step(x[:, :, :-1], first)

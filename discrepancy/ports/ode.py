@@ -14,7 +14,7 @@ import numpy as np
 
 from discrepancy.ports.acting import Batch, OpenActs, PortActs
 from discrepancy.ports.declared import Act, Arrays, Rows
-from discrepancy.ports.marching import march
+from discrepancy.ports.marching import Near, Step, march
 from messages.arrays import FloatArray
 
 Equation = Callable[[Rows, Rows, Arrays, Act], Sequence[FloatArray]]
@@ -64,6 +64,25 @@ class Ode:
     def integrated(self, batch: Batch) -> tuple[FloatArray, FloatArray]:
         """Return the states (s, k, n), and those of the terms (memory, k, n)."""
         k, n = batch.shape
+        leads = batch.leaders == np.arange(k)
+        first = batch if leads.all() else batch.only(np.flatnonzero(leads))
+        step, begun = self._stepping(first)
+        with np.errstate(all="ignore"):
+            path = march(step, begun, n)
+            if not leads.all():
+                rest = np.flatnonzero(~leads)
+                near = Near.to(path, step, (np.cumsum(leads) - 1)[batch.leaders[rest]])
+                whole = np.empty((len(path), k, n))
+                whole[:, leads], whole[:, rest] = path, march(*self._stepping(batch.only(rest)), n, near)
+                path = whole
+        s = len(path) - batch.memory
+        return path[:s], path[s:]
+
+    def _stepping(self, batch: Batch) -> tuple[Step, FloatArray]:
+        """Return what takes all states, the terms' own below the model's, one sample on, and those at the first one
+        (s + memory, k).
+        """
+        k = batch.shape[0]
         begun = self.start(batch.values) if callable(self.start) else self.start
         s = len(begun)
         x = np.zeros((s + batch.memory, k, 1))
@@ -97,9 +116,7 @@ class Ode:
                 u = u + slope
             return x
 
-        with np.errstate(all="ignore"):
-            path = march(step, x[:, :, 0], n)
-        return path[:s], path[s:]
+        return step, x[:, :, 0]
 
 
 def runge_kutta(

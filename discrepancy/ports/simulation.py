@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from discrepancy.ports.acting import Batch, Named, at_ports, on_signals
+from discrepancy.ports.acting import Batch, Named, at_ports, leaders, on_signals
 from discrepancy.ports.declared import Port, Term
 from discrepancy.ports.generic import generic_terms
 from discrepancy.ports.ode import Ode, Whole
@@ -75,7 +75,7 @@ class PortedSimulation:
         inputs = self._changed("input", self.channels.input_names, list(self.channels.inputs.T), sets)
         found, memory = at_ports(self.library, sets)
         values = Named({p.name: np.array([each.get(p.name, p.neutral) for each in sets]) for p in self.parameters})
-        return Batch(1.0 / self.channels.rate_hz, inputs, values, self.ports, found, memory)
+        return Batch(1.0 / self.channels.rate_hz, inputs, values, self.ports, found, memory, leaders(sets))
 
     def _side_by_side(self, sets: Sequence[Values]) -> FloatArray:
         k, n, c = len(sets), len(self.channels.t_s), len(self.channels.names)

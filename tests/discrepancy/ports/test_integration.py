@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from discrepancy.ports import marching
-from discrepancy.ports.acting import Batch, Named
+from discrepancy.ports import marching, simulation
+from discrepancy.ports.acting import Batch, Named, leaders
 from discrepancy.ports.declared import Act, Arrays, PortTerm, Rows, Signal, SignalTerm
 from discrepancy.ports.ode import Ode, Whole
 from discrepancy.simulation import Channels, Effect, Parameter
@@ -43,7 +43,7 @@ TERMS = (
 
 def test_a_decay_is_the_exponential() -> None:
     decay = Ode(start=(1.0,), derivative=lambda state, *_: (-0.5 * state[0],), output=(0,))
-    batch = Batch(0.1, np.zeros((0, 1, 400)), Named(), (), (), 0)
+    batch = Batch(0.1, np.zeros((0, 1, 400)), Named(), (), (), 0, np.arange(1))
     found = decay.outputs(batch)[0][0]
     assert np.allclose(found, np.exp(-0.05 * np.arange(400)), rtol=1e-6)
 
@@ -66,6 +66,31 @@ def test_windows_give_what_a_loop_over_samples_gives(monkeypatch: pytest.MonkeyP
     assert np.allclose(fast, whole.predicted(values), rtol=1e-9, atol=1e-9)
 
 
+def test_a_set_is_near_to_the_first_that_differs_in_two_parameters_at_most() -> None:
+    here = {"damping": 3.0, "mass_kg": 2.0, "rubbed.value": 0.5}
+    moved = [{**here, key: 1.01 * value} for key, value in here.items()]
+    other = {"damping": 1.0, "mass_kg": 1.0, "rubbed.value": 0.1}
+    assert leaders([here, *moved, other, {**other, "damping": 1.01}, {}]).tolist() == [0, 0, 0, 0, 4, 4, 6]
+
+
+def test_what_begins_near_is_the_same_and_takes_fewer_evaluations(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+
+    def counting(state: Rows, inputs: Rows, values: Arrays, act: Act) -> tuple[FloatArray, ...]:
+        asked.append(state[0].size)
+        return derivative(state, inputs, values, act)
+
+    whole = replace(sled(1, 300, TERMS), model=replace(MODEL, derivative=counting))
+    here = {"lagged.value": 0.4, "rubbed.value": 0.7}
+    sets = [{**here, key: value + change} for key, value in here.items() for change in (1e-3, -1e-3, 2e-3, 0.02)]
+    near = whole.predicted_many(sets)
+    taken = sum(asked)
+    asked.clear()
+    monkeypatch.setattr(simulation, "leaders", lambda sets: np.arange(len(sets)))
+    assert np.allclose(near, whole.predicted_many(sets), rtol=1e-9, atol=1e-9)
+    assert taken < 0.8 * sum(asked)
+
+
 def test_a_set_that_diverges_leaves_the_others_alone() -> None:
     whole = sled(1, 300, TERMS)
     wild, calm = whole.predicted_many([{"damping": -400.0}, {}])
@@ -78,7 +103,7 @@ def test_inputs_go_straight_to_the_next_sample_where_they_are_not_held() -> None
     ramp = np.broadcast_to(np.arange(n) * step_s, (1, 1, n))
     for held, at_once in ((True, step_s / 2.0), (False, 0.0)):
         follow = Ode(start=(0.0,), derivative=lambda _, inputs, *__: (inputs[0],), output=(0,), held=held)
-        found = follow.outputs(Batch(step_s, ramp, Named(), (), (), 0))[0][0]
+        found = follow.outputs(Batch(step_s, ramp, Named(), (), (), 0, np.arange(1)))[0][0]
         t_s = np.arange(n) * step_s
         assert np.allclose(found, 0.5 * t_s**2 - at_once * t_s)
 
