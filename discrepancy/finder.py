@@ -14,6 +14,7 @@ from discrepancy.recordings import Recordings
 from discrepancy.search.agreement import Alone, each_alone
 from discrepancy.search.carried import carried
 from discrepancy.search.equivalents import better, equivalents
+from discrepancy.search.fit import Fit
 from discrepancy.search.pruning import intervals_of, kept
 from discrepancy.search.search import Found, Search
 from discrepancy.simulation import Simulation
@@ -63,48 +64,103 @@ def explain(
     search = Search(recordings.fit, only or known, seed)
     if only:
         found = search.forced(only)
-        models = _all_found(recordings, found)
-    else:
-        found = search.found()
-        models = _kept(recordings, search, found)
-    notes: tuple[str, ...] = ()
-    alone = _alone(recordings, models)
-    best = "this recording" if len(recordings.fit.parts) == 1 else "the recordings"
-    if models.causes and _diverges(recordings.held_out, models):
-        told = ", ".join(dict.fromkeys(each.effect for each in models.causes))
-        notes = (f"{told}: fits {best} best, but the simulation diverges with it on the one held out",)
-        models = models.withdrawn()
-        alone = _alone(recordings, models)
-    judgement = judged(recordings, models, seed)
-    if alone:
-        judgement = beside_alone(judgement, alone)
-    if models.causes and not (only or _holds(judgement.gain)):
-        told = ", ".join(dict.fromkeys(each.effect for each in models.causes))
-        notes = (f"{told}: fits {best} best, but does not hold on {_failing(judgement)}",)
-        models, judgement = models.withdrawn(), judgement.withdrawn()
-    elif judgement.good_enough and not only:
-        notes = ("the simulation as it is meets the stated tolerance in every channel",)
-        models, judgement = models.withdrawn(), judgement.withdrawn()
+        return _explained(_told(recordings, found, _all_found(recordings, found), seed), search, rivals=False)
+    found = search.found()
+    told = _believed(_told(recordings, found, _kept(recordings, search, found), seed))
+    if told.judgement.after.adequate or told.judgement.good_enough:
+        return _explained(told, search)
+    made = None if told.models.causes else constructed(every.fit, every.held_out, every.names, told.base.values, seed)
+    if made is not None and made.suffices:
+        return _constructed(made, seed, told.notes)
     more: Together | None = None
-    if not (judgement.after.adequate or judgement.good_enough or only):
-        made = None if models.causes else constructed(every.fit, every.held_out, every.names, models.base.values, seed)
-        if made is not None and made.suffices:
-            return _constructed(made, seed, notes)
-        if ported(first) is not None and little_explained(recordings.fit, models):
-            more = together(recordings, search, found, models, known, seed)
-        if made is not None and not (more is not None and more.likelier(made.models.extended)):
-            return _constructed(made, seed, notes)
-    alternatives: Alternatives | None = None
-    if more is not None and more.likelier(models.extended):
-        found, models, judgement, alternatives = more.found, more.models, more.judgement, more.alternatives()
-        notes, alone = (), _alone(recordings, models)
-        judgement = beside_alone(judgement, alone) if alone else judgement
-    notes += (*_compared(recordings), *_beyond(recordings))
-    alternatives = alternatives or _alternatives(search, models, rivals=not only)
-    quiet = judgement.after.adequate and not models.causes and not only
-    smallest = search.smallest(found.chance) if quiet else None
+    if ported(first) is not None and little_explained(recordings.fit, told.models):
+        more = together(recordings, search, found, told.models, known, seed)
+    if made is not None and not (more is not None and more.likelier(made.models.extended)):
+        return _constructed(made, seed, told.notes)
+    if more is not None and more.likelier(told.models.extended):
+        told = _Told.of(recordings, more.found, more.models, more.judgement, seed)
+        return _explained(told, search, more.alternatives())
+    return _explained(told, search)
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What a search of the library `found`, as models and their judgement; what each of several recordings tells
+    `alone`, and `notes` on what was withdrawn.
+    """
+
+    recordings: Recordings
+    found: Found
+    models: Models
+    judgement: Judgement
+    alone: Sequence[Alone]
+    seed: int
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        recordings: Recordings,
+        found: Found,
+        models: Models,
+        judgement: Judgement,
+        seed: int,
+        notes: tuple[str, ...] = (),
+    ) -> "_Told":
+        """Return it with what each recording tells alone, and judged beside that."""
+        alone = _alone(recordings, models)
+        return cls(
+            recordings, found, models, beside_alone(judgement, alone) if alone else judgement, alone, seed, notes
+        )
+
+    @property
+    def base(self) -> Fit:
+        """Return the base model's fit."""
+        return self.models.base
+
+    @property
+    def fits_best(self) -> str:
+        """Return the beginning of a note on causes that are withdrawn."""
+        told = ", ".join(dict.fromkeys(each.effect for each in self.models.causes))
+        return f"{told}: fits {'this recording' if len(self.recordings.fit.parts) == 1 else 'the recordings'} best"
+
+    def withdrawn(self, note: str) -> "_Told":
+        """Return it without its causes, and with a note why."""
+        return replace(self, models=self.models.withdrawn(), judgement=self.judgement.withdrawn(), notes=(note,))
+
+
+def _told(recordings: Recordings, found: Found, models: Models, seed: int) -> _Told:
+    """Return what was found, judged; without its causes where the simulation diverges with them."""
+    if not (models.causes and _diverges(recordings.held_out, models)):
+        return _Told.of(recordings, found, models, judged(recordings, models, seed), seed)
+    without = models.withdrawn()
+    told = _Told.of(recordings, found, without, judged(recordings, without, seed), seed)
+    best = replace(told, models=models).fits_best
+    return replace(told, notes=(f"{best}, but the simulation diverges with it on the one held out",))
+
+
+def _believed(told: _Told) -> _Told:
+    """Return what was told without causes that do not hold, or that nobody needs."""
+    if told.models.causes and not _holds(told.judgement.gain):
+        return told.withdrawn(f"{told.fits_best}, but does not hold on {_failing(told.judgement)}")
+    if told.judgement.good_enough:
+        return told.withdrawn("the simulation as it is meets the stated tolerance in every channel")
+    return told
+
+
+def _explained(
+    told: _Told, search: Search, alternatives: Alternatives | None = None, *, rivals: bool = True
+) -> Explanation:
+    """Return the explanation by the library's effects; `rivals` asks for what fits as well, and for what would be too
+    small to be seen.
+    """
+    recordings, models = told.recordings, told.models
+    alternatives = alternatives or _alternatives(search, models, rivals=rivals)
+    quiet = told.judgement.after.adequate and not models.causes and rivals
+    smallest = search.smallest(told.found.chance) if quiet else None
+    notes = (*told.notes, *_compared(recordings), *_beyond(recordings))
     return Findings(
-        recordings, found, models, judgement, alternatives, smallest, notes, seed, alone=alone
+        recordings, told.found, models, told.judgement, alternatives, smallest, notes, told.seed, alone=told.alone
     ).explanation()
 
 
