@@ -14,7 +14,6 @@ from discrepancy.recordings import Recordings
 from discrepancy.search.agreement import Alone, each_alone
 from discrepancy.search.carried import carried
 from discrepancy.search.equivalents import better, equivalents
-from discrepancy.search.fit import Fit
 from discrepancy.search.pruning import intervals_of, kept
 from discrepancy.search.search import Found, Search
 from discrepancy.simulation import Simulation
@@ -64,12 +63,12 @@ def explain(
     search = Search(recordings.fit, only or known, seed)
     if only:
         found = search.forced(only)
-        return _explained(_told(recordings, found, _all_found(recordings, found), seed), search, rivals=False)
+        return _explained(_judged(recordings, found, _all_found(recordings, found), seed), search, rivals=False)
     found = search.found()
-    told = _believed(_told(recordings, found, _kept(recordings, search, found), seed))
+    told = _believed(_judged(recordings, found, _kept(recordings, search, found), seed))
     if told.judgement.after.adequate or told.judgement.good_enough:
         return _explained(told, search)
-    made = None if told.models.causes else constructed(every.fit, every.held_out, every.names, told.base.values, seed)
+    made = None if told.models.causes else constructed(every.fit, every.held_out, every.names, found.base.values, seed)
     if made is not None and made.suffices:
         return _constructed(made, seed, told.notes)
     more: Together | None = None
@@ -105,47 +104,41 @@ class _Told:
         models: Models,
         judgement: Judgement,
         seed: int,
-        notes: tuple[str, ...] = (),
     ) -> "_Told":
         """Return it with what each recording tells alone, and judged beside that."""
         alone = _alone(recordings, models)
-        return cls(
-            recordings, found, models, beside_alone(judgement, alone) if alone else judgement, alone, seed, notes
-        )
-
-    @property
-    def base(self) -> Fit:
-        """Return the base model's fit."""
-        return self.models.base
-
-    @property
-    def fits_best(self) -> str:
-        """Return the beginning of a note on causes that are withdrawn."""
-        told = ", ".join(dict.fromkeys(each.effect for each in self.models.causes))
-        return f"{told}: fits {'this recording' if len(self.recordings.fit.parts) == 1 else 'the recordings'} best"
+        return cls(recordings, found, models, beside_alone(judgement, alone) if alone else judgement, alone, seed)
 
     def withdrawn(self, note: str) -> "_Told":
         """Return it without its causes, and with a note why."""
         return replace(self, models=self.models.withdrawn(), judgement=self.judgement.withdrawn(), notes=(note,))
 
 
-def _told(recordings: Recordings, found: Found, models: Models, seed: int) -> _Told:
+def _judged(recordings: Recordings, found: Found, models: Models, seed: int) -> _Told:
     """Return what was found, judged; without its causes where the simulation diverges with them."""
-    if not (models.causes and _diverges(recordings.held_out, models)):
-        return _Told.of(recordings, found, models, judged(recordings, models, seed), seed)
-    without = models.withdrawn()
-    told = _Told.of(recordings, found, without, judged(recordings, without, seed), seed)
-    best = replace(told, models=models).fits_best
-    return replace(told, notes=(f"{best}, but the simulation diverges with it on the one held out",))
+    diverges = bool(models.causes) and _diverges(recordings.held_out, models)
+    kept = models.withdrawn() if diverges else models
+    told = _Told.of(recordings, found, kept, judged(recordings, kept, seed), seed)
+    if not diverges:
+        return told
+    note = f"{_fits_best(recordings, models)}, but the simulation diverges with it on the one held out"
+    return replace(told, notes=(note,))
 
 
 def _believed(told: _Told) -> _Told:
     """Return what was told without causes that do not hold, or that nobody needs."""
     if told.models.causes and not _holds(told.judgement.gain):
-        return told.withdrawn(f"{told.fits_best}, but does not hold on {_failing(told.judgement)}")
+        best = _fits_best(told.recordings, told.models)
+        return told.withdrawn(f"{best}, but does not hold on {_failing(told.judgement)}")
     if told.judgement.good_enough:
         return told.withdrawn("the simulation as it is meets the stated tolerance in every channel")
     return told
+
+
+def _fits_best(recordings: Recordings, models: Models) -> str:
+    """Return the beginning of a note on causes that are withdrawn."""
+    causes = ", ".join(dict.fromkeys(each.effect for each in models.causes))
+    return f"{causes}: fits {'this recording' if len(recordings.fit.parts) == 1 else 'the recordings'} best"
 
 
 def _explained(
