@@ -135,7 +135,7 @@ class Campaign:
     def _running(self, trial: Trial) -> TrialReport:
         daemon, pressure = self._daemon, ProcessorPressure()
         if not daemon.settle(in_motion=trial.in_motion):
-            void = Burden(waiting=pressure.share()).too_much
+            void = Burden(waiting=pressure.share()).too_much or _lost(daemon.rig_late())
             return _report(trial, None, ["the ground does not become steadily valid"], void=void)
         before = daemon.counted()
         mark, void = daemon.mark(), ""
@@ -243,10 +243,11 @@ def _void(burden: Burden, found: Measured, why: Sequence[str]) -> str:
     A lost frame excuses no wrong estimate.
     """
     wrong = found.wrong or found.wrong_on_can or found.wrong_attitudes
-    lost = (
-        f"it failed while the rig lost {burden.frames_late} frames" if burden.frames_late and why and not wrong else ""
-    )
-    return burden.too_much or lost
+    return burden.too_much or (_lost(burden.frames_late) if why and not wrong else "")
+
+
+def _lost(frames: int) -> str:
+    return f"it failed while the rig lost {frames} frames" if frames else ""
 
 
 def _passed_s(from_ns: int, to_ns: int) -> float:

@@ -49,7 +49,7 @@ class Measured(msgspec.Struct, frozen=True, kw_only=True):
     """What a consumer heard. Times are None where nothing came; `flag_s` counts walking only, if so expected.
 
     `wrong` and `stale` count grounds marked valid, on Zenoh and (wrong ones) on CAN; the worst errors are of those
-    heard on Zenoh while the fault lasted and until it was over.
+    heard on Zenoh while the fault lasted and until it was over. `wrong_told` has a line for each wrong one on Zenoh.
     """
 
     flag_s: float | None
@@ -63,6 +63,7 @@ class Measured(msgspec.Struct, frozen=True, kw_only=True):
     wrong_attitudes: int
     worst_slope_deg: float
     worst_height_mm: float
+    wrong_told: list[str] = []
 
 
 def measure(
@@ -99,6 +100,21 @@ def measure(
         wrong_attitudes=sum(a.wrong for a in after_injection),
         worst_slope_deg=math.degrees(max((h.errors.slope_rad for h in heard), default=0.0)),
         worst_height_mm=1e3 * max((h.errors.height_m for h in heard), default=0.0),
+        wrong_told=[_wrong_line(h, times) for h in heard if h.errors.wrong],
+    )
+
+
+def _wrong_line(heard: Heard, times: Times) -> str:
+    """Return when a wrong ground was exposed, what it told, with stated deviations, and the truth."""
+    told, true = heard.ground, heard.truth
+    sagittal, frontal, height = (math.sqrt(told.covariance[i]) for i in (0, 3, 5))
+    since_s, after_s = (1e-9 * (told.t_exposure_ns - t_ns) for t_ns in (times.inject_ns, times.clear_ns))
+    return (
+        f"{since_s:.2f} s after the fault began, {after_s:.2f} s after its end{', at an edge' * true.transition}: "
+        f"slopes {math.degrees(told.slope_sagittal_rad):.2f} and {math.degrees(told.slope_frontal_rad):.2f}° "
+        f"(sd {math.degrees(sagittal):.2f}, {math.degrees(frontal):.2f}), height {1e3 * told.height_m:.0f} mm "
+        f"(sd {1e3 * height:.0f}); true {math.degrees(true.slope_sagittal_rad):.2f}, "
+        f"{math.degrees(true.slope_frontal_rad):.2f}°, {1e3 * true.height_m:.0f} mm"
     )
 
 

@@ -12,9 +12,12 @@ frames 50 ms apart see one texture from nearly one place, so that averaging take
 z the newest frame's plane, of covariance R, the track's plane x = z + (x − z), and x − z is known: to second moments
 
     E[(x − true)(x − true)ᵀ] = R + (x − z)(x − z)ᵀ                                                            (2)
+
+A plane known from elsewhere, z₀, that a single picture has shown so far is either: beside (2) it has (z − z₀)(z − z₀)ᵀ,
+until a second picture agrees or, where none comes any more, for as long as it is carried.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -42,7 +45,8 @@ class _Track:
 
     `seen_ns` is the exposure of the newest picture that shows it, before `t_ns` where the motion has carried it on.
     `attitude_cov_W` (2, 2) is what the attitude's covariance meant for the gradient then. The plane of `rough` ground
-    is another one a step ahead: it is checked against the track and not averaged.
+    is another one a step ahead: it is checked against the track and not averaged. `is_shown` by a picture or not yet;
+    `apart` (3,) is by what the first one that shows a plane known from elsewhere differs from it, until the second.
     """
 
     t_ns: int
@@ -51,6 +55,13 @@ class _Track:
     attitude_cov_W: FloatArray
     seen_ns: int
     rough: bool = False
+    is_shown: bool = True
+    apart: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def doubt(self) -> FloatArray:
+        """Return the covariance (3, 3) of a plane that a single picture has shown, beside its own."""
+        return np.outer(self.apart, self.apart)
 
 
 class PlaneTracker:
@@ -66,7 +77,8 @@ class PlaneTracker:
         """Go on from another `plane` in H, of which (a, b, h) has the covariance `cov` (3, 3): known from elsewhere, so
         that the next frame needs no other one to confirm it."""
         turn = _turn(R_WH)
-        self._track, self._candidate = _Track(t_ns, turn @ plane.abh, turn @ cov @ turn.T, attitude_cov_W, t_ns), None
+        known = _Track(t_ns, turn @ plane.abh, turn @ cov @ turn.T, attitude_cov_W, t_ns, is_shown=False)
+        self._track, self._candidate = known, None
 
     def carried(
         self, t_ns: int, R_WH: FloatArray, v_W_mps: FloatArray, attitude_cov_W: FloatArray
@@ -83,9 +95,9 @@ class PlaneTracker:
         a, b, h = track.state
         state = np.array([a, b, h + since_s * float(v_W_mps @ np.array([-a, -b, 1.0]))])
         grown = np.diag([0.0, 0.0, (_CARRIED_MPS * since_s) ** 2])
-        self._track = _Track(t_ns, state, track.cov + grown, attitude_cov_W, track.seen_ns)
-        turn = _turn(R_WH)
-        return _plane(turn.T @ state), turn.T @ self._track.cov @ turn
+        cov, turn = track.cov + grown, _turn(R_WH)
+        self._track = replace(track, t_ns=t_ns, state=state, cov=cov, attitude_cov_W=attitude_cov_W)
+        return _plane(turn.T @ state), turn.T @ (cov + track.doubt) @ turn
 
     def miss(self) -> None:
         """Take a frame that shows no plane."""
@@ -137,7 +149,7 @@ class PlaneTracker:
             return None
         self._track, self._candidate = track, None
         lag_H = turn.T @ (track.state - seen.state)
-        return _plane(turn.T @ track.state), fit.covariance + np.outer(lag_H, lag_H)
+        return _plane(turn.T @ track.state), fit.covariance + np.outer(lag_H, lag_H) + turn.T @ track.doubt @ turn
 
     def _joined(self, before: _Track | None, seen: _Track, within_s: float) -> _Track | None:
         """Return `before` with what is seen, or None where they contradict each other or are farther apart."""
@@ -147,11 +159,12 @@ class PlaneTracker:
         innovation, innovation_cov = seen.state - before.state, prior + seen.cov
         if innovation @ np.linalg.solve(innovation_cov, innovation) > self._settings.gate:
             return None
+        apart = np.zeros(3) if before.is_shown else innovation
         if seen.rough:
-            return seen
+            return replace(seen, apart=apart)
         gain = np.linalg.solve(innovation_cov, prior).T
         state, cov = before.state + gain @ innovation, (np.eye(3) - gain) @ prior
-        return _Track(seen.t_ns, state, cov, seen.attitude_cov_W, seen.seen_ns)
+        return replace(seen, state=state, cov=cov, rough=False, apart=apart)
 
     def _grown(self, before: _Track, seen: _Track) -> FloatArray:
         dt_s = max(0.0, (seen.t_ns - before.t_ns) * 1e-9)

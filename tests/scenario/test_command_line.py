@@ -40,15 +40,17 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.realtime
 def test_the_demo_sees_the_ground_and_says_so(walk: Path) -> None:
     facts = json.loads((walk / "walk.json").read_bytes())
-    assert facts["run"]["imu_lost"] == 0
     assert facts["run"]["health"]["zenoh_errors"] == 0
-    ground = facts["ground"]["all"]
-    assert ground["frames"] > 20
     # how often a busy machine makes samples or planes late is for docs/results; nothing else may cost a frame but
     # that a plane waits for its confirmation
-    late = {"starting", "not_at_rest", "no_imu", "no_frame", "late", "not_planar"}
-    refused, valid = facts["run"]["health"]["refused"], ground["valid_share"] * ground["frames"]
+    late = {"starting", "not_at_rest", "no_imu", "no_frame", "late", "not_planar", "unconfirmed"}
+    refused, ground = facts["run"]["health"]["refused"], facts["ground"]["all"]
     assert set(refused) <= late
+    if facts["void"]:
+        pytest.skip(f"the host is too busy to see much: {facts['void']}")
+    valid = ground["valid_share"] * ground["frames"]
+    assert facts["run"]["imu_lost"] == 0
+    assert ground["frames"] > 20
     assert valid >= 10, refused
     assert refused.get("not_planar", 0) < 0.2 * valid, refused
     assert ground["height_rms_mm"] < 15.0

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from cli.console import VOID
 from sim_rig.can.slcan_hub import PORT
 from tests.bench.heard_example import heard
 from tests.bench.zenoh_peer import free_endpoint
@@ -35,7 +36,7 @@ def endpoint() -> Iterator[str]:
         yield listen
         demo.terminate()
         drained.join()
-        assert demo.wait(30) == 0
+        assert demo.wait(30) in (0, VOID)
 
 
 def three(words: str) -> Callable[[list[str]], bool]:

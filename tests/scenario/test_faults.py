@@ -48,20 +48,34 @@ def trial(campaign: CampaignReport, name: str) -> TrialReport:
     return found
 
 
+def sound_trial(campaign: CampaignReport, name: str) -> TrialReport:
+    """Return the trial; skip where it failed, each time that it was tried, while the rig lost frames."""
+    found = trial(campaign, name)
+    if found.void:
+        pytest.skip(f"the host is too busy for {name}: {found.void}")
+    return found
+
+
+@pytest.mark.parametrize("name", FLAGS)
+def test_nothing_wrong_is_valid_however_busy_the_host_is(campaign: CampaignReport, name: str) -> None:
+    found = [report.measured for report in campaign.trials if report.name == name and report.measured is not None]
+    assert not [wrong for measured in found for wrong in measured.wrong_told]
+    assert sum(measured.wrong + measured.wrong_on_can + measured.wrong_attitudes for measured in found) == 0
+
+
 @pytest.mark.parametrize(("name", "reason"), FLAGS.items())
 def test_a_fault_is_flagged_by_its_name_and_is_over(campaign: CampaignReport, name: str, reason: Reason) -> None:
-    found = trial(campaign, name).measured
+    found = sound_trial(campaign, name).measured
     assert found is not None
     # a busy machine may lose the rig's frames, or the samples' punctuality, just then
     assert found.flag_reason in (reason.value, "no_frame", "no_imu", "late")
     assert found.recovery_s is not None
-    assert (found.wrong, found.wrong_on_can, found.wrong_attitudes) == (0, 0, 0)
 
 
 def test_what_was_injected_was_counted(campaign: CampaignReport) -> None:
-    assert trial(campaign, "imu-nak-eio").counted["imu_bus_errors"] > 0
-    assert trial(campaign, "cam-frozen").counted["refused.frozen_frame"] > 0
-    assert trial(campaign, "can-ankle-corrupted").counted["can_bus.ankle_refused"] > 0
+    assert sound_trial(campaign, "imu-nak-eio").counted["imu_bus_errors"] > 0
+    assert sound_trial(campaign, "cam-frozen").counted["refused.frozen_frame"] > 0
+    assert sound_trial(campaign, "can-ankle-corrupted").counted["can_bus.ankle_refused"] > 0
 
 
 def test_what_cannot_start_says_why_in_one_line(campaign: CampaignReport) -> None:

@@ -126,6 +126,9 @@ def test_flag_recovery_and_counts_are_those_of_the_trial() -> None:
     assert found.flag_reason == "no_frame"
     assert found.recovery_s == pytest.approx(0.2)  # from frame 23 on: the two before were no steady run
     assert (found.wrong, found.stale, found.wrong_attitudes, found.wrong_on_can) == (1, 1, 1, 1)
+    (told,) = found.wrong_told
+    assert "after the fault began" in told
+    assert "at an edge" not in told
     assert (found.frames, found.flags) == (10, 8)
     assert found.worst_slope_deg == pytest.approx(math.degrees(0.01))
 

@@ -149,3 +149,24 @@ def test_a_frame_that_may_begin_no_track_joins_one_and_contradicts_none() -> Non
     for k in (5, 6, 7):
         assert told(tracker, k * FRAME_NS, seen(0.0, 0.0, 0.79), may_begin=False) is None
     assert told(tracker, 8 * FRAME_NS, seen(0.0, 0.0, 0.95), may_begin=False) is not None
+
+
+def test_a_plane_known_from_elsewhere_is_as_unsure_as_its_only_picture_differs_from_it() -> None:
+    tracker = PlaneTracker(TrackingSettings())
+    path_cov = np.diag([0.03**2, 0.03**2, 0.012**2])
+    tracker.begin(0, Plane((0.0, 0.0), 0.95), path_cov, LEVEL, SURE)
+    steep = seen(0.07, 0.0, 0.95)
+    _, cov = known(told(tracker, FRAME_NS, steep))
+    assert cov[0, 0] > 0.07**2
+    for k in (2, 9):
+        _, carried_cov = known(tracker.carried(k * FRAME_NS, LEVEL, np.zeros(3), SURE))
+        assert carried_cov[0, 0] > 0.07**2
+    _, cov = known(told(tracker, 10 * FRAME_NS, steep))
+    assert cov[0, 0] < 0.02**2
+
+
+def test_a_plane_that_pictures_have_shown_is_carried_as_surely() -> None:
+    tracker = on_level_ground(40)
+    _, cov = known(told(tracker, 40 * FRAME_NS, seen(0.02, 0.0, 0.95)))
+    _, carried_cov = known(tracker.carried(41 * FRAME_NS, LEVEL, np.zeros(3), SURE))
+    assert carried_cov[0, 0] < cov[0, 0]
