@@ -158,7 +158,7 @@ class GroundMeter:
         if fit.noise_px <= self.even_noise_px:
             lasting += bumps_cov(fit, points_H, disparity_px, misfit_px, region)
         if region.bounded:
-            fit = replace(fit, covariance=fit.covariance + _beside_borders(region))
+            fit = replace(fit, covariance=fit.covariance + beside_borders(region))
         return GroundMeasurement(Reason.NONE, matched_share, fit, lasting, patch)
 
     def _fitted(
@@ -286,18 +286,20 @@ class GroundMeter:
         return cov
 
 
-def _beside_borders(region: FootholdRegion) -> FloatArray:
+def beside_borders(region: FootholdRegion) -> FloatArray:
     """Return the covariance (3, 3) of (a, b, h) by what the matcher draws over a border into a short region: it tips
-    the plane about the region's middle."""
-    slope = _DRAWN_OVER_M / (_RADIUS_OF_GYRATION * region.half_length_m)
-    pivot = slope * np.array([1.0, 0.0, region.ahead_m])
-    cov: FloatArray = np.outer(pivot, pivot)
+    the plane about the region's middle, along and, as it is drawn unevenly, across."""
+    along = _DRAWN_OVER_M / (_RADIUS_OF_GYRATION * region.half_length_m) * np.array([1.0, 0.0, region.ahead_m])
+    across = _DRAWN_UNEVENLY_M / (_RADIUS_OF_GYRATION * region.half_width_m) * np.array([0.0, 1.0, region.left_m])
+    cov: FloatArray = np.outer(along, along) + np.outer(across, across)
     return cov
 
 
 STEEPEST_BOUNDED_RAD = float(np.radians(15.0))
 """Between two edges nothing is steeper that one steps on: what is, the matcher makes of an edge."""
 _DRAWN_OVER_M = 0.0015
+_DRAWN_UNEVENLY_M = 0.0005
+"""Of what is drawn over, by which left and right differ: it is drawn beside borders alone, by patches."""
 _RADIUS_OF_GYRATION = 0.577  # of a uniform stretch, in half-lengths
 _ERRS_M = 0.04
 """So far along the ray a point may be measured from where it is: farther, and it is something before the ground."""

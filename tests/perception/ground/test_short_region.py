@@ -1,9 +1,10 @@
-"""A short region far ahead, of noisy disparities: its plane leans to neither side on the average."""
+"""A short region far ahead: of noisy disparities its plane leans to neither side on the average; borders widen it."""
 
 import numpy as np
+import pytest
 
 from messages import Residual
-from perception.ground.meter import GroundMeter, Pixels
+from perception.ground.meter import GroundMeter, Pixels, beside_borders
 from perception.ground.region import FootholdRegion
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
@@ -35,3 +36,13 @@ def test_the_plane_of_a_short_region_far_ahead_does_not_rise() -> None:
         assert fit is not None
         slopes_deg.append(np.degrees(fit.plane.gradient[0]))
     assert abs(np.mean(slopes_deg)) < 0.2
+
+
+def test_a_border_widens_both_slopes_and_the_ground_at_the_middle_stays_as_it_is() -> None:
+    cov = beside_borders(REGION)
+    at_the_middle = np.array([REGION.ahead_m, REGION.left_m, -1.0])
+    assert at_the_middle @ cov @ at_the_middle == pytest.approx(0.0, abs=1e-12)
+    narrow = beside_borders(REGION.narrowed())
+    assert narrow[1, 1] == pytest.approx(4.0 * cov[1, 1])
+    assert narrow[0, 0] == pytest.approx(cov[0, 0])
+    assert 0.0 < cov[1, 1] < cov[0, 0]
