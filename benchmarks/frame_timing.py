@@ -1,6 +1,7 @@
-"""Pictures that are told early, late, seldom or not at all: how much of the ground is valid, and how right is it?
+"""Pictures that are told early, late, seldom or not at all, and a service that is short of time: how much of the ground
+is valid, and how right is it?
 
-    python -m benchmarks.frame_timing [--seeds 1000-1002] [--seconds 10]
+    python -m benchmarks.frame_timing [--cases "reduced work" …] [--seeds 1000-1002] [--seconds 10]
 
 The whole pipeline, faster than real time, on walks of the rig with the calibration that a unit would have; all cases of
 a seed see the same walk. Counted are the frames that arrive from the fourth second on.
@@ -16,13 +17,21 @@ import numpy as np
 
 from lab.faults.criteria import errors_of
 from lab.faults.offline import START_NS, WALKS, Message, OfflineWalk, arrival_ns
-from messages import GroundPlane, Status, StereoFrame
+from messages import GroundPlane, Load, LoadLevel, Status, StereoFrame
 from messages.arrays import FloatArray, column_rms
 
 FROM_NS = START_NS + 4_000_000_000
 
 FrameChange = Callable[[StereoFrame], StereoFrame | None]
 """From a frame to what arrives of it, None for nothing."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What becomes of each frame, and how much work the pipeline may do on it."""
+
+    change: FrameChange
+    load: Load = Load.NORMAL
 
 
 @dataclass(frozen=True)
@@ -56,14 +65,16 @@ def _chance(seq: int) -> float:
     return float(np.random.default_rng(seq).random())
 
 
-CASES: dict[str, FrameChange] = {
-    "as the rig's camera": kept(lambda _: True),
-    "told after 2 ms": told_after(0.002),
-    "told after 100 ms": told_after(0.100),
-    "every second, 10 Hz": kept(lambda seq: seq % 2 == 0),
-    "every third, 6.7 Hz": kept(lambda seq: seq % 3 == 0),
-    "30 % lost": kept(lambda seq: _chance(seq) > 0.3),
-    "60 % lost": kept(lambda seq: _chance(seq) > 0.6),
+CASES = {
+    "as the rig's camera": Case(kept(lambda _: True)),
+    "told after 2 ms": Case(told_after(0.002)),
+    "told after 100 ms": Case(told_after(0.100)),
+    "every second, 10 Hz": Case(kept(lambda seq: seq % 2 == 0)),
+    "every third, 6.7 Hz": Case(kept(lambda seq: seq % 3 == 0)),
+    "30 % lost": Case(kept(lambda seq: _chance(seq) > 0.3)),
+    "60 % lost": Case(kept(lambda seq: _chance(seq) > 0.6)),
+    "reduced work": Case(kept(lambda _: True), Load.REDUCED),
+    "reduced, 10 % lost": Case(kept(lambda seq: _chance(seq) > 0.1), Load.REDUCED),
 }
 
 
@@ -73,10 +84,10 @@ def changed_inputs(walk: OfflineWalk, change: FrameChange) -> list[Message]:
     return sorted((message for message in changed if message is not None), key=arrival_ns)
 
 
-def counted(walk: OfflineWalk, change: FrameChange) -> Counted:
-    """Return what the pipeline makes of a walk whose frames are changed."""
+def counted(walk: OfflineWalk, case: Case) -> Counted:
+    """Return what the pipeline makes of a walk in this case."""
     pipeline, grounds = walk.new_pipeline(), []
-    for message in changed_inputs(walk, change):
+    for message in [LoadLevel(t_ns=START_NS, load=case.load), *changed_inputs(walk, case.change)]:
         grounds += [told for told in pipeline.step(message) if isinstance(told, GroundPlane) and told.frame_seq >= 0]
     grounds = [ground for ground in grounds if ground.t_exposure_ns >= FROM_NS]
     valid = [(ground, walk.wearer.truth_of(ground)) for ground in grounds if ground.status is Status.VALID]
@@ -92,16 +103,17 @@ def counted(walk: OfflineWalk, change: FrameChange) -> Counted:
 def main() -> None:
     """Walk and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", nargs="+", default=list(CASES), choices=list(CASES))
     parser.add_argument("--seeds", default="1000-1002", help="rig units, first-last")
     parser.add_argument("--seconds", type=float, default=10.0)
     options = parser.parse_args()
     first, last = map(int, options.seeds.split("-"))
     cv2.setNumThreads(1)
-    found: dict[str, list[Counted]] = {case: [] for case in CASES}
+    found: dict[str, list[Counted]] = {case: [] for case in options.cases}
     for seed in range(first, last + 1):
         walk = OfflineWalk(seed, WALKS[seed % len(WALKS)], options.seconds)
-        for case, change in CASES.items():
-            found[case].append(counted(walk, change))
+        for case, walks in found.items():
+            walks.append(counted(walk, CASES[case]))
     print(f"{'frames':22}{'of':>6}{'valid':>8}{'wrong':>7}{'slope RMS':>12}{'height RMS':>12}")
     for case, walks in found.items():
         frames, valid = sum(walk.frames for walk in walks), sum(walk.valid for walk in walks)
