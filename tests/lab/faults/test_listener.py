@@ -8,7 +8,7 @@ import zenoh
 
 from lab.faults.criteria import Errors
 from lab.faults.daemon_process import DEVICE
-from lab.faults.listener import Heard, Listener, heard_at
+from lab.faults.listener import Heard, Listener, heard_at, heard_of
 from messages import TOPICS, GroundTruth
 from messages.codec import encode_line
 from sim_rig.walk.scenario import scenario
@@ -49,6 +49,20 @@ def test_a_ground_that_zenoh_did_not_bring_is_none_of_the_others() -> None:
     assert heard_at([], 0) is None
     assert heard_at([each for each in grounds if each.t_ns != 10 * FRAME_NS], 10 * FRAME_NS) is None
     assert heard_at(grounds, 12 * FRAME_NS + 26 * MS) is None
+
+
+def test_a_ground_that_comes_a_frame_late_on_can_is_known_by_its_numbers() -> None:
+    grounds = heard(12)
+    moved = [
+        each._replace(ground=ground(t_exposure_ns=each.t_ns, height_m=0.8 + 0.01 * k)) for k, each in enumerate(grounds)
+    ]
+    of_frame = moved[9].ground
+    numbers = (round(of_frame.slope_sagittal_rad / 0.0005) * 0.0005, of_frame.slope_frontal_rad, of_frame.height_m)
+    found = heard_of(moved, numbers)
+    assert found is not None
+    assert found.t_ns == 9 * FRAME_NS
+    assert heard_of(moved, (numbers[0], numbers[1], numbers[2] + 0.005)) is None
+    assert heard_of(moved, (float("nan"), numbers[1], numbers[2])) is None
 
 
 def put_until_heard(endpoint: str, listener: Listener, seq: int, *, take: bool) -> None:
