@@ -17,7 +17,7 @@ _PATCH = bytes((0x27, 0x01))  # the extension that tells the revision of the pro
 _FRAME = 0x25  # of reliable messages
 _PUSH, _PUT = 0x7D, 0x01
 _LARGEST_NUMBER = 2**28
-_COOKIE_AT = 19  # in the answer to InitSyn: header, version, kind, 16 bytes of id
+_ID_AT = 3  # in the answer to InitSyn: header, version, kind with how long the id is, at most 16 bytes
 _HAS_SIZES, _SIZES = 0x40, 3  # before it, how long numbers and batches may be
 
 
@@ -35,7 +35,7 @@ class ZenohBytes:
         if greeting:
             self.send(self._init())
             acknowledged = self._answer()
-            at = _COOKIE_AT + (_SIZES if acknowledged[0] & _HAS_SIZES else 0)
+            at = _ID_AT + (acknowledged[2] >> 4) + 1 + (_SIZES if acknowledged[0] & _HAS_SIZES else 0)
             cookie = acknowledged[at + 1 : at + 1 + acknowledged[at]]
             self.send(bytes((_OPEN, lease_s)) + _zint(self._number) + _zint(len(cookie)) + cookie)
             self._answer()

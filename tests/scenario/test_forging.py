@@ -87,10 +87,13 @@ def test_nothing_that_an_adversary_sends_is_believed(endpoint: str) -> None:
     assert FORGED_HEIGHT_M not in heights_m
 
 
+@pytest.mark.parametrize("identity", ["5e19910e64314ac7802f729d60efc0f1", "5e19910e64314ac7802f729d60efc0"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_without_access_control_the_same_programs_would_be_heard(endpoint: str, kind: str) -> None:
+def test_without_access_control_the_same_programs_would_be_heard(endpoint: str, kind: str, identity: str) -> None:
+    """An identity is drawn of 16 bytes, and one of 256 is a byte shorter."""
     config = zenoh.Config()
     for name, value in {
+        "id": identity,
         "mode": "peer",
         "listen/endpoints": [endpoint],
         "scouting/multicast/enabled": False,
