@@ -16,7 +16,7 @@ from lab.faults.daemon_process import DEVICE
 from lab.faults.echo import Echo
 from messages import TOPICS, Attitude, GroundPlane, GroundTruth, Health, Reason, Stamp, Status
 from messages.can_estimates import ReceivedGround
-from messages.can_frames import CanFrame
+from messages.can_frames import CanFrame, CanMessage, codes
 from messages.can_receiver import CanReceiver
 from messages.codec import decode
 from sim_rig.wearer import SimulatedWearer
@@ -25,7 +25,6 @@ _NOTHING_OFF = Errors(0.0, 0.0, False)
 _PROMPT_NS = 25_000_000  # without `take` for so long, half a frame, the listener itself was late; see also `Echo`
 _SAME_BY_NOW_NS = 100_000_000  # so long after CAN the same ground has come on Zenoh too, if it does,
 _AS_ONE_NS = 25_000_000  # exposed within so much, half a frame: on CAN an exposure is told by the time of arrival
-_SAME_NUMBERS = (0.00026, 0.00026, 0.00051)  # rad, rad and m: a little more than half of a step of CAN's
 _LAST = 8
 _KEPT = 4096  # messages of each kind: three minutes of grounds
 
@@ -162,9 +161,9 @@ class Listener:
 
     def _take_can(self, t_ns: int, prompt: bool, received: ReceivedGround) -> None:
         """Judge a ground of CAN, which does not tell its place, by the place that the same one tells on Zenoh."""
-        numbers = (received.slope_sagittal_rad, received.slope_frontal_rad, received.height_m)
-        same = heard_of(self.grounds, numbers) or heard_at(self.grounds, received.t_exposure_ns)
+        same = heard_of(self.grounds, received) or heard_at(self.grounds, received.t_exposure_ns)
         truth = self._wearer.truth(received.t_exposure_ns) if same is None else same.truth
+        numbers = (received.slope_sagittal_rad, received.slope_frontal_rad, received.height_m)
         deviations = (received.slope_sagittal_sd_rad, received.slope_frontal_sd_rad, received.height_sd_m)
         errors = ground_errors(numbers, deviations, truth) if prompt else _NOTHING_OFF
         self.on_can.append(HeardOnCan(t_ns, errors))
@@ -179,16 +178,24 @@ class Listener:
         self.attitudes.append(HeardAttitude(t_ns, valid, wrong, attitude.reason))
 
 
-def heard_of(grounds: Sequence[Heard], numbers: tuple[float, float, float]) -> Heard | None:
-    """Return the newest of the last `grounds` that told these slopes and height; None where none did.
+def heard_of(grounds: Sequence[Heard], received: ReceivedGround) -> Heard | None:
+    """Return the newest of the last `grounds`, if valid, whose slopes and height are on CAN those `received`, or None.
 
     However late it came on CAN, and whichever frame's exposure it seems to have, it is that one.
     """
-    for heard in itertools.islice(reversed(grounds), _LAST):
-        told = (heard.ground.slope_sagittal_rad, heard.ground.slope_frontal_rad, heard.ground.height_m)
-        if all(abs(a - b) <= most for a, b, most in zip(told, numbers, _SAME_NUMBERS, strict=True)):
-            return heard
-    return None
+    numbers = _on_can(received)
+    newest = itertools.islice(reversed(grounds), _LAST)
+    return next((heard for heard in newest if heard.valid and _on_can(heard.ground) == numbers), None)
+
+
+def _on_can(told: GroundPlane | ReceivedGround) -> tuple[int | None, ...]:
+    """Return slopes and height in CAN's own steps."""
+    signals = codes(CanMessage.GROUND)
+    return (
+        signals["slope_sagittal_rad"].raw(told.slope_sagittal_rad),
+        signals["slope_frontal_rad"].raw(told.slope_frontal_rad),
+        signals["height_m"].raw(told.height_m),
+    )
 
 
 def heard_at(grounds: Sequence[Heard], t_exposure_ns: int) -> Heard | None:

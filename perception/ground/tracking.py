@@ -164,7 +164,7 @@ class PlaneTracker:
             return replace(seen, apart=apart)
         gain = np.linalg.solve(innovation_cov, prior).T
         state, cov = before.state + gain @ innovation, (np.eye(3) - gain) @ prior
-        return replace(seen, state=state, cov=cov, rough=False, apart=apart)
+        return replace(seen, state=state, cov=cov, apart=apart)
 
     def _grown(self, before: _Track, seen: _Track) -> FloatArray:
         dt_s = max(0.0, (seen.t_ns - before.t_ns) * 1e-9)

@@ -68,6 +68,9 @@ def seen_to_the_end(campaign: CampaignReport, name: str) -> tuple[TrialReport, M
 @pytest.mark.parametrize("name", FLAGS)
 def test_nothing_wrong_is_valid_however_busy_the_host_is(campaign: CampaignReport, name: str) -> None:
     found = [report.measured for report in campaign.trials if report.name == name and report.measured is not None]
+    if not found and (void := trial(campaign, name).void):
+        pytest.skip(f"the host is too busy for {name}: {void}")
+    assert found
     assert not [wrong for measured in found for wrong in measured.wrong_told]
     assert sum(measured.wrong + measured.wrong_on_can + measured.wrong_attitudes for measured in found) == 0
 

@@ -10,6 +10,9 @@ from lab.faults.criteria import Errors
 from lab.faults.daemon_process import DEVICE
 from lab.faults.listener import Heard, Listener, heard_at, heard_of
 from messages import TOPICS, GroundTruth
+from messages.can_encoder import CanEncoder
+from messages.can_estimates import ReceivedGround
+from messages.can_receiver import CanReceiver
 from messages.codec import encode_line
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
@@ -51,18 +54,29 @@ def test_a_ground_that_zenoh_did_not_bring_is_none_of_the_others() -> None:
     assert heard_at(grounds, 12 * FRAME_NS + 26 * MS) is None
 
 
+def received(height_m: float) -> ReceivedGround:
+    """Return a ground as CAN carries it: the second, for of the first the counter tells nothing."""
+    encoder, receiver = CanEncoder(), CanReceiver(ReceivedGround, max_age_s=0.15)
+    found = None
+    for t_ns in (FRAME_NS, 2 * FRAME_NS):
+        of_frame = ground(t_exposure_ns=t_ns - 40 * MS, height_m=height_m)
+        for frame in encoder.ground(of_frame, stamp(t_publish_ns=t_ns), 0.04):
+            found = receiver.feed(frame.can_id, frame.data, t_ns)
+    assert isinstance(found, ReceivedGround), found
+    return found
+
+
 def test_a_ground_that_comes_a_frame_late_on_can_is_known_by_its_numbers() -> None:
-    grounds = heard(12)
-    moved = [
-        each._replace(ground=ground(t_exposure_ns=each.t_ns, height_m=0.8 + 0.01 * k)) for k, each in enumerate(grounds)
+    heights_m = [0.8004 + 0.01 * k for k in range(12)]
+    grounds = [
+        each._replace(ground=ground(t_exposure_ns=each.t_ns, height_m=height_m))
+        for each, height_m in zip(heard(12), heights_m, strict=True)
     ]
-    of_frame = moved[9].ground
-    numbers = (round(of_frame.slope_sagittal_rad / 0.0005) * 0.0005, of_frame.slope_frontal_rad, of_frame.height_m)
-    found = heard_of(moved, numbers)
+    found = heard_of(grounds, received(heights_m[9]))
     assert found is not None
     assert found.t_ns == 9 * FRAME_NS
-    assert heard_of(moved, (numbers[0], numbers[1], numbers[2] + 0.005)) is None
-    assert heard_of(moved, (float("nan"), numbers[1], numbers[2])) is None
+    assert heard_of(grounds, received(heights_m[9] + 0.005)) is None
+    assert heard_of([each._replace(valid=False) for each in grounds], received(heights_m[9])) is None
 
 
 def put_until_heard(endpoint: str, listener: Listener, seq: int, *, take: bool) -> None:
