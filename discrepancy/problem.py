@@ -11,6 +11,7 @@ import numpy as np
 
 from discrepancy.evidence.noise import Noise, known_noise
 from discrepancy.evidence.whitening import LOADING, White, whitening
+from discrepancy.restricted import Restricted
 from discrepancy.simulation import Channels, Effect, Parameter, SideBySide, Simulation, Values, predicted_many
 from discrepancy.values import Complete, Neutral
 from messages.arrays import BoolArray, FloatArray
@@ -71,6 +72,14 @@ class Problem:
     def parts(self) -> "tuple[Problem, ...]":
         """Return the recordings one by one: this one."""
         return (self,)
+
+    @property
+    def side_by_side(self) -> bool:
+        """Return whether many sets of parameters are predicted at once faster than one after another."""
+        simulation = self.simulation
+        while isinstance(simulation, (Part, Restricted)):
+            simulation = simulation.whole
+        return isinstance(simulation, SideBySide)
 
     @property
     def edges(self) -> tuple[int, ...]:
@@ -226,7 +235,7 @@ class Part:
     """A stretch of another simulation's recording: samples `first` up to `last`."""
 
     def __init__(self, whole: Simulation, first: int, last: int) -> None:
-        self._whole = whole
+        self.whole = whole
         self._here = slice(first, last)
         all_ = whole.channels
         self._channels = Channels(
@@ -243,7 +252,7 @@ class Part:
     @property
     def system(self) -> str:
         """Return the system's name."""
-        return self._whole.system
+        return self.whole.system
 
     @property
     def channels(self) -> Channels:
@@ -253,17 +262,17 @@ class Part:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the base model's own parameters."""
-        return self._whole.parameters
+        return self.whole.parameters
 
     @property
     def effects(self) -> tuple[Effect, ...]:
         """Return the library."""
-        return self._whole.effects
+        return self.whole.effects
 
     def predicted(self, values: Values) -> FloatArray:
         """Return what should have been measured in the stretch."""
-        return self._whole.predicted(values)[self._here]
+        return self.whole.predicted(values)[self._here]
 
     def predicted_many(self, sets: Sequence[Values]) -> FloatArray:
         """Return what should have been measured in the stretch from each of the `sets`, (k, n, c)."""
-        return np.stack([each[self._here] for each in predicted_many(self._whole, sets)])
+        return np.stack([each[self._here] for each in predicted_many(self.whole, sets)])

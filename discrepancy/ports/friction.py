@@ -18,10 +18,13 @@ from discrepancy.ports.sizes import MOST, SHARE, both, half, over
 from discrepancy.simulation import Parameter
 from messages.arrays import FloatArray
 
-_STILL = 0.01
-"""Of a velocity's size: v₀ of (1), where the steps allow it."""
-_JUMPS = 2.0
-"""Of what a velocity changes in a sample: v₀ at least, or the integrator would overshoot zero."""
+_STILL = 0.002
+"""Of a velocity's size: v₀ of (1) at least."""
+_JUMPS = 0.25
+"""Likewise, of what a velocity changes in a step: the integrator looks twice in each."""
+_STOPPED = 0.4
+"""Likewise, of what friction itself changes of a velocity in a step: or it would turn motion round instead of stopping
+it."""
 _SLOW = (0.05, 0.15, 0.4)
 """Of a velocity's size: speeds at which a raised friction at low speed may fade."""
 _YIELDS = (0.05, 0.2)
@@ -31,32 +34,34 @@ _FOLLOWS = 2.0
 _SLOW_MOTION = "Move at several constant speeds both ways, from creeping to full speed, and plot force over speed."
 
 
-def friction(span: PortSpan, step_s: float) -> list[PortTerm]:
-    """Return what may resist motion at a port; nothing where no velocity is at hand."""
+def friction(span: PortSpan, step_s: float, steps: float) -> list[PortTerm]:
+    """Return what may resist motion at a port, integrated in steps of `step_s`, `steps` to a sample; nothing where no
+    velocity is at hand.
+    """
     place = span.port.place("velocity")
     if place is None:
         return []
     term = partial(at_port, span.port)
     speed, speed_unit, unit = span.signals[place], span.port.signals[place].unit, span.port.unit
     per_speed, per_square = over(unit, speed_unit), f"{unit}/({speed_unit})^2"
-    v0 = max(_STILL * speed.size, _JUMPS * speed.jump)
+    least = max(_STILL * speed.size, _JUMPS * speed.jump / steps)
 
-    def sign(v: FloatArray) -> FloatArray:
-        out: FloatArray = np.tanh(v / v0)
+    def sign(v: FloatArray, most: FloatArray) -> FloatArray:
+        out: FloatArray = np.tanh(v / np.maximum(least, _STOPPED * span.response * step_s * np.abs(most)))
         return out
 
     def viscous(signals: Rows, _own: Rows, p: Arrays) -> tuple[FloatArray, Rows]:
         return -p["value"] * signals[place], ()
 
     def coulomb(signals: Rows, _own: Rows, p: Arrays) -> tuple[FloatArray, Rows]:
-        return -p["value"] * sign(signals[place]), ()
+        return -p["value"] * sign(signals[place], p["value"]), ()
 
     def stribeck(signals: Rows, _own: Rows, p: Arrays) -> tuple[FloatArray, Rows]:
         v = signals[place]
-        return -p["value"] * sign(v) * np.exp(-np.abs(v) / p["fades_at"]), ()
+        return -p["value"] * sign(v, p["value"]) * np.exp(-np.abs(v) / p["fades_at"]), ()
 
     def asymmetric(signals: Rows, _own: Rows, p: Arrays) -> tuple[FloatArray, Rows]:
-        return -p["value"] * np.abs(sign(signals[place])), ()
+        return -p["value"] * np.abs(sign(signals[place], p["value"])), ()
 
     def drag(signals: Rows, _own: Rows, p: Arrays) -> tuple[FloatArray, Rows]:
         v = signals[place]

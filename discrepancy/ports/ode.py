@@ -143,6 +143,7 @@ class Whole:
 
     model: WholeModel
     steps: ClassVar[int] = 1
+    held: ClassVar[bool] = False
 
     def outputs(self, batch: Batch) -> list[FloatArray]:
         """Return the outputs, each (k, n) or what broadcasts to it."""

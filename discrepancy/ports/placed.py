@@ -1,6 +1,7 @@
 """Terms of the generic library made at their places: named by the place, and told to a person with its words."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from discrepancy.ports.declared import (
     Beginning,
@@ -13,6 +14,9 @@ from discrepancy.ports.declared import (
     SignalTerm,
 )
 from discrepancy.simulation import Effect, Parameter, Values
+
+_MATTERS = 0.02
+"""Of a parameter's scale: less is of no matter to anybody, however surely it is there."""
 
 
 def at_port(
@@ -32,7 +36,7 @@ def at_port(
 ) -> PortTerm:
     """Return a term at a port."""
     told = _told(f"At {port.words}", explanation)
-    effect = Effect(f"{name}_at_{port.name}", parameters, told, remedy, experiment, choices, starts)
+    effect = Effect(f"{name}_at_{port.name}", _sized(parameters), told, remedy, experiment, choices, starts)
     return PortTerm(port.name, effect, formula, memory, begun, elsewhere or {})
 
 
@@ -51,8 +55,13 @@ def on_signal(
 ) -> SignalTerm:
     """Return a term on a whole input or output."""
     told = _told(f"{channel} ({'measured' if side == 'output' else 'input'})", explanation)
-    effect = Effect(f"{name}_of_{channel}", parameters, told, remedy, experiment, choices, starts)
+    effect = Effect(f"{name}_of_{channel}", _sized(parameters), told, remedy, experiment, choices, starts)
     return SignalTerm(side, channel, effect, formula)
+
+
+def _sized(parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
+    """Return parameters that matter where they are far smaller than the scale that they are fitted in."""
+    return tuple(replace(each, matters=_MATTERS * each.scale) for each in parameters)
 
 
 def _told(where: str, explanation: str) -> str:

@@ -64,7 +64,8 @@ class PortSpan:
 @dataclass(frozen=True)
 class Spans:
     """Of a whole recording: its ports, inputs and measured outputs by name, `step_s` between samples, `substep_s` of
-    the integrator, its length, what the base model leaves of each output, and whether it predicts one that `jumps`.
+    the integrator, its length, what the base model leaves of each output, whether it predicts one that `jumps`, and
+    whether its inputs are `held` until the next sample.
     """
 
     ports: tuple[PortSpan, ...]
@@ -75,6 +76,7 @@ class Spans:
     seconds: float
     left: dict[str, FloatArray]
     jumps: bool
+    held: bool
 
 
 class PortNotes:
@@ -123,6 +125,7 @@ def spans(simulation: "PortedSimulation") -> Spans:
         float(channels.t_s[-1] - channels.t_s[0]),
         dict(zip(channels.names, fit.residual, strict=True)),
         any(_jumps(row) for row in plain.predicted(fit.values).T),
+        plain.model.held,
     )
 
 

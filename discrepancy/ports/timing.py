@@ -1,12 +1,14 @@
 """What may be wrong with the times of a signal: a delay, a lag, a clock that drifts, a slow update, lost samples.
 
-On outputs and inputs alike: `signals` are (k, n), and what is told is positive where the real signal is late.
+On outputs and inputs alike: `signals` are (k, n), and what is told is positive where the real signal is late. An input
+that is held from sample to sample acts by its mean over each; between samples of an output lies a smooth curve.
 """
 
 import math
 from functools import partial
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from discrepancy.ports.declared import Arrays, Rows, Side, SignalTerm
@@ -36,20 +38,21 @@ def timing(side: Side, place: int, names: tuple[str, ...], span: Span, whole: Sp
     longest = _MOST_OF_RECORD * whole.seconds
     shift = SHARE * (span.high - span.low) * step_s / span.jump if span.jump > 0.0 else step_s
     scale = float(np.clip(shift, _LEAST_STEPS * step_s, 0.1 * longest))
+    between = at_times if side == "input" or whole.jumps else smoothly_at_times
+    followed = _mean_followed if side == "input" and whole.held else _followed
 
     def delay(signals: Rows, channels: Channels, p: Arrays) -> FloatArray:
-        return at_times(channels.t_s - p["value"], channels.t_s, signals[place])
+        return between(channels.t_s - p["value"], channels.t_s, signals[place])
 
     def clock(signals: Rows, channels: Channels, p: Arrays) -> FloatArray:
         t_s = channels.t_s
-        return at_times(t_s - p["rate"] * (t_s - t_s[0]), t_s, signals[place])
+        return between(t_s - p["rate"] * (t_s - t_s[0]), t_s, signals[place])
 
     def lag(signals: Rows, channels: Channels, p: Arrays) -> FloatArray:
         out = np.array(signals[place])
         for row, tau in zip(out, np.ravel(p["value"]), strict=True):
             if tau > 0.0:
-                kept = math.exp(-1.0 / (channels.rate_hz * tau))
-                row[:] = lfilter([1.0 - kept], [1.0, -kept], row, zi=[kept * row[0]])[0]
+                row[:] = followed(row, 1.0 / (channels.rate_hz * tau))
         return out
 
     def slow(signals: Rows, channels: Channels, p: Arrays) -> FloatArray:
@@ -133,6 +136,37 @@ def repeated(measured: FloatArray) -> FloatArray:
 
 
 def at_times(wanted: FloatArray, t_s: FloatArray, signals: FloatArray) -> FloatArray:
-    """Return signals (k, n) at times (k, n), on straight lines between samples and held beyond the ends."""
+    """Return signals (k, n) at times (k, n), on straight lines between samples and held beyond the ends.
+
+    Of a signal that is held from sample to sample that is the mean over the sample that begins at each time.
+    """
     times = np.broadcast_to(wanted, signals.shape)
     return np.stack([np.interp(when, t_s, row) for when, row in zip(times, signals, strict=True)])
+
+
+def smoothly_at_times(wanted: FloatArray, t_s: FloatArray, signals: FloatArray) -> FloatArray:
+    """Return signals (k, n) at times (k, n), on cubic splines between samples and held beyond the ends; on straight
+    lines where a signal is not finite.
+    """
+    times = np.clip(np.broadcast_to(wanted, signals.shape), t_s[0], t_s[-1])
+    rows = zip(times, signals, strict=True)
+    return np.stack(
+        [CubicSpline(t_s, row)(when) if np.isfinite(row).all() else np.interp(when, t_s, row) for when, row in rows]
+    )
+
+
+def _followed(x: FloatArray, step: float) -> FloatArray:
+    """Return what follows x (n,), straight lines between samples that are `step` time constants apart:
+
+    y' = y e^{-s} + (1 − g) x' + (g − e^{-s}) x,   g = (1 − e^{-s}) / s                                           (1)
+    """
+    kept = math.exp(-step)
+    g = -math.expm1(-step) / step
+    return np.asarray(lfilter([1.0 - g, g - kept], [1.0, -kept], x, zi=[g * x[0]])[0])
+
+
+def _mean_followed(x: FloatArray, step: float) -> FloatArray:
+    """Return the mean over each sample of what follows x (n,), held for samples of `step` time constants."""
+    kept = math.exp(-step)
+    begun = lfilter([0.0, 1.0 - kept], [1.0, -kept], x, zi=[x[0]])[0]
+    return np.asarray(x + (begun - x) * (-math.expm1(-step) / step))

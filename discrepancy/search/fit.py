@@ -35,6 +35,10 @@ _RIDGE = 1e-10
 """Of each parameter's own curvature: parameters that say the same leave the matrix invertible."""
 _FAITHFUL = 0.5
 """Of the fall in χ² that the columns promise: where less comes, they are stale or the step is too long."""
+_FELT = 1e-3
+"""Of a noise's deviation, over all samples: what a parameter must change on its whole way to its bounds. One that does
+not, such as the width of a dead band while its spring has no stiffness, has a column of last digits.
+"""
 BLOCKS = 32
 """Stretches of a recording whose scores are compared: enough for their spread, each long beside the noise's memory."""
 _NUMERICAL = 0.1
@@ -167,7 +171,9 @@ class Fitter:
     def _step(
         self, values: dict[str, float], keys: Sequence[str], gram: FloatArray, score: FloatArray, damping: float
     ) -> FloatArray:
-        """Return the damped step within the bounds: what would leave them stays on them, the rest is solved again."""
+        """Return the damped step within the bounds: what would leave them stays on them, the rest is solved again. A
+        parameter that is not felt stays where it is.
+        """
         problem = self._problem
         p = [problem.parameters[key] for key in keys]
         at = np.array([problem.value(values, key) for key in keys])
@@ -178,7 +184,7 @@ class Fitter:
         scaled = gram / np.outer(size, size)
         scaled[np.diag_indices(len(size))] += damping + _RIDGE
         delta = np.zeros(len(keys))
-        free = np.ones(len(keys), bool)
+        free = ~(size * np.maximum(high, -low) <= _FELT)
         for _ in range(len(keys)):
             if not free.any():
                 break
@@ -207,8 +213,8 @@ def _answered(fit: _Fitting, predicted: list[FloatArray]) -> list[Values] | Fit:
 
 
 def base_fit(problem: Problem, white: White, values: dict[str, float], columns: FloatArray) -> Fit:
-    """Return the base model's fit with the columns given."""
-    return Fitter(problem, white, columns).fit(values, ())
+    """Return the base model's fit with the columns given, or fresh ones where those cost nothing."""
+    return Fitter(problem, white, columns, fresh=problem.side_by_side).fit(values, ())
 
 
 def columns_of(problem: Problem, values: dict[str, float], keys: Sequence[str]) -> FloatArray:

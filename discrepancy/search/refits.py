@@ -225,7 +225,7 @@ class Refits:
         self.white = white
         self._withouts: dict[tuple[object, ...], Fit] = {}  # the same is asked by swaps, pruning and look-alikes
         self._stack = self.library.whitened(white)
-        self._fitter = Fitter(self._problem, white, self.base_columns)
+        self._fitter = Fitter(self._problem, white, self.base_columns, fresh=self._problem.side_by_side)
 
     def products(self, fit: Fit) -> Products:
         """Return the products of the library's columns with what a fit leaves, its own parameters projected out."""

@@ -85,7 +85,8 @@ class Truth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     `nuisance` is whatever else was drawn (foot, amplitude, noise level and colour), for a reader.
     `effect_rms_over_noise` is the RMS, over all channels, of what the causes alter in the fit recording, each channel
-    divided by its noise; null where that was not measured.
+    divided by its noise; null where that was not measured. `chi2_beyond_base` is by how much χ² of the fit recording would fall
+    if a model with its own parameters free were told the causes; null likewise.
     """
 
     system: str
@@ -94,6 +95,7 @@ class Truth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     causes: tuple[TrueCause, ...]
     nuisance: dict[str, float | bool | str] = {}
     effect_rms_over_noise: float | None = None
+    chi2_beyond_base: float | None = None
 
     @property
     def case_name(self) -> str:

@@ -1,16 +1,18 @@
-"""The five systems of `lab.hidden.five_systems` as somebody models them, each with its ports and nothing else."""
+"""The five systems of `lab.hidden.five` as somebody models them, each with its ports, and as a user hands them over."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from discrepancy.ports.declared import Act, Arrays, Port, Rows, Signal
+from discrepancy.ports.declared import Act, Arrays, Port, Rows, Signal, Term
 from discrepancy.ports.ode import Ode
 from discrepancy.ports.simulation import PortedSimulation
 from discrepancy.simulation import Channels, Parameter
-from lab.hidden.five_systems import Recorded
+from lab.hidden.five.systems import Recorded
 from messages.arrays import FloatArray
+from systems.own.table import Table
 
 Rates = Sequence[FloatArray]
 
@@ -119,13 +121,47 @@ _MODELS = {
 
 def simulation(system: str, recorded: Recorded, *, declared: bool, bare: bool = True) -> PortedSimulation:
     """Return the simulation of a recording of a system, its noise `declared` or not, `bare` of any library."""
-    model, ports, parameters, names, driven = _MODELS[system]
-    channels = Channels(
-        recorded.t_s,
-        recorded.readings,
-        names,
-        recorded.input[:, None],
-        (driven,),
-        recorded.noise if declared else None,
-    )
-    return PortedSimulation(system, channels, model, ports, parameters, terms=() if bare else None)
+    *_, names, driven = _MODELS[system]
+    noise = recorded.noise if declared else None
+    channels = Channels(recorded.t_s, recorded.readings, names, recorded.input[:, None], (driven,), noise)
+    return _simulated(system, channels, () if bare else None)
+
+
+def pendulum(table: Table) -> PortedSimulation:
+    """Return the pendulum's simulation."""
+    return _of_table("pendulum", table)
+
+
+def motor(table: Table) -> PortedSimulation:
+    """Return the motor's simulation."""
+    return _of_table("motor", table)
+
+
+def quarter_car(table: Table) -> PortedSimulation:
+    """Return the quarter car's simulation."""
+    return _of_table("quarter_car", table)
+
+
+def two_tanks(table: Table) -> PortedSimulation:
+    """Return the two tanks' simulation."""
+    return _of_table("two_tanks", table)
+
+
+def heater(table: Table) -> PortedSimulation:
+    """Return the heater's simulation."""
+    return _of_table("heater", table)
+
+
+def _of_table(system: str, table: Table) -> PortedSimulation:
+    """Return the simulation of a table that may declare its readings' noise, each as a column of one value."""
+    *_, names, driven = _MODELS[system]
+    channels = table.channels(names, (driven,))
+    declared = [f"noise_{name}" for name in names]
+    if set(declared) <= set(table.columns):
+        channels = replace(channels, noise_std=np.array([table[name][0] for name in declared]))
+    return _simulated(system, channels, None)
+
+
+def _simulated(system: str, channels: Channels, terms: tuple[Term, ...] | None) -> PortedSimulation:
+    model, ports, parameters, *_ = _MODELS[system]
+    return PortedSimulation(system, channels, model, ports, parameters, terms=terms)
