@@ -15,7 +15,7 @@ import numpy as np
 
 from discrepancy import explain
 from discrepancy.verdict import Verdict
-from lab.hidden.five_systems import CLEAN, SYSTEMS, drawn
+from lab.hidden.five.studied import CLEAN, STUDIED, studied
 from lab.undeclared.five_systems import simulation
 
 JUDGED, DEVELOPMENT = 1000, 1
@@ -27,7 +27,7 @@ NEAR = 1.5
 
 def told(system: str, hidden: str, seed: int, *, declared: bool) -> dict[str, object]:
     """Return what was said of one case."""
-    recorded = [drawn(system, hidden, each) for each in (seed, seed + OTHER)]
+    recorded = [studied(system, hidden, each) for each in (seed, seed + OTHER)]
     fit, held_out = (simulation(system, each, declared=declared) for each in recorded)
     floor = float(np.sqrt(np.mean((recorded[1].noise / recorded[1].readings.std(axis=0)) ** 2)))
     begun = time.process_time()
@@ -55,7 +55,7 @@ def _sizes(verdict: Verdict) -> dict[str, list[float | None]]:
 
 def cases(count: int, first: int) -> list[tuple[str, str, int, bool]]:
     """Return system, what is hidden, seed and whether the noise is declared, of `count` cases of each kind."""
-    kinds = [(system, hidden) for system, each in SYSTEMS.items() for hidden in (*each.sizes, CLEAN)]
+    kinds = [(system, hidden) for system, each in STUDIED.items() for hidden in (*each, CLEAN)]
     return [
         (system, hidden, first + k, (k + j) % 2 == 0) for k in range(count) for j, (system, hidden) in enumerate(kinds)
     ]

@@ -68,7 +68,8 @@ def explain(
     told = _believed(_judged(recordings, found, _kept(recordings, search, found), seed))
     if told.judgement.after.adequate or told.judgement.good_enough:
         return _explained(told, search)
-    made = None if told.models.causes else constructed(every.fit, every.held_out, every.names, found.base.values, seed)
+    alone = bool(told.models.causes)
+    made = constructed(every.fit, every.held_out, every.names, found.base.values, seed, alone=alone)
     if made is not None and made.suffices:
         return _constructed(made, seed, told.notes)
     more: Together | None = None

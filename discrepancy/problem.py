@@ -26,8 +26,10 @@ MOST_LOST = 0.05
 """Of the samples compared: a model that gives fewer has diverged, and what it does give is not compared instead."""
 _MOST_KEPT_BYTES = 2**26
 """Of the latest predictions, which a search asks for again: a third of all, where sets of causes differ by one."""
-_MOST_CHANGED = 1e100
-"""In a channel's unit, by one scale of a parameter: more is a model that has diverged."""
+_FAR = 1e6
+"""Times what was measured at most: a prediction further out is of a model that has diverged."""
+_MOST_CHANGED = 1e12
+"""Likewise, by one scale of a parameter."""
 
 Asked = tuple[Values, FloatArray, str]
 """A column that is asked for: the values it is taken at, the prediction (c, n) there, and a parameter."""
@@ -169,7 +171,7 @@ class Problem:
         with np.errstate(invalid="ignore", over="ignore"):
             for there, (values, before, key) in zip(after, asked, strict=True):
                 change = (there - before) / self._step(values, key)
-                out.append(self.filled(np.where(np.abs(change) < _MOST_CHANGED, change, 0.0)))
+                out.append(self.filled(np.where(np.abs(change) < _MOST_CHANGED * self._reach, change, 0.0)))
         return out
 
     def _step(self, values: Values, key: str) -> float:
@@ -183,7 +185,8 @@ class Problem:
 
     def lost(self, predicted: FloatArray) -> float:
         """Return the share of the compared samples that a prediction (c, n) cannot give."""
-        return 1.0 - float(np.isfinite(predicted[self.valid]).mean())
+        with np.errstate(invalid="ignore"):
+            return 1.0 - float((np.abs(predicted) < _FAR * self._reach)[self.valid].mean())
 
     def filled(self, values: FloatArray) -> FloatArray:
         """Return `values` (c, n) with what is missing on the line between its neighbours."""
@@ -212,6 +215,8 @@ class Problem:
 
     def _accept(self, valid: BoolArray) -> None:
         self.valid = valid
+        most = np.abs(np.where(valid, self.measured, 0.0)).max(axis=1, keepdims=True)
+        self._reach: FloatArray = np.where(most > 0.0, most, 1.0)
         self._whole = bool(valid.all())
         gap, left, right, weight = [], [], [], []
         for row, present in enumerate(valid):

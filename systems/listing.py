@@ -68,6 +68,7 @@ def _ported() -> tuple[Effect, ...]:
         dict.fromkeys(outputs, np.sin(np.arange(200.0))),
         jumps=False,
         held=True,
+        bent=frozenset(outputs),
     )
     return tuple(t.effect for t in terms_within(whole, channels) if not t.effect.name.endswith("_of_other_V"))
 

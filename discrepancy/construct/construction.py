@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from discrepancy.construct.columns import Ports
-from discrepancy.construct.selection import Selection
+from discrepancy.construct.selection import MOST_TERMS, Selection
 from discrepancy.construct.terms import MadeTerm
 from discrepancy.judgement import Judgement, Models, far_better, judged
 from discrepancy.ports.simulation import PortedSimulation
@@ -68,11 +68,17 @@ def ported(simulation: Simulation) -> PortedSimulation | None:
 
 
 def constructed(
-    fit: Sequence[Simulation], held_out: Sequence[Simulation], names: Sequence[str], base: dict[str, float], seed: int
+    fit: Sequence[Simulation],
+    held_out: Sequence[Simulation],
+    names: Sequence[str],
+    base: dict[str, float],
+    seed: int,
+    *,
+    alone: bool = False,
 ) -> Construction | None:
     """Return what can be constructed beside the base model, fitted at `base`, judged; None where the simulation has no
     ports, or no term is found that lowers the misfit by more than chance. Terms are made from the first recording's
-    motion. `names` are those of all recordings.
+    motion. `names` are those of all recordings. With `alone` it is one term that leaves nothing to explain, or None.
     """
     wholes, others = ([each for each in map(ported, side) if each is not None] for side in (fit, held_out))
     if len(wholes) < len(fit) or len(others) < len(held_out):
@@ -81,11 +87,12 @@ def constructed(
     at = Neutral(wholes[0]).completed({key: value for key, value in base.items() if key in known})
     ports = Ports(wholes[0], at)
     effects = [each.name for each in fit[0].effects]
-    found = _by_formulas(_Task(wholes, others, names, ports, ports.terms(at), base, seed), effects)
-    if found is not None and found.holds:
+    task = _Task(wholes, others, names, ports, ports.terms(at), base, seed)
+    found = _by_formulas(task, effects, 1 if alone else MOST_TERMS)
+    if found is not None and found.holds and (found.suffices or not alone):
         return found
     curves = _learned(_Task(wholes, others, names, ports, ports.curves(at), base, seed))
-    return curves if curves is not None and curves.holds else None
+    return curves if curves is not None and curves.holds and (curves.suffices or not alone) else None
 
 
 @dataclass(frozen=True)
@@ -117,8 +124,8 @@ class _Task:
         return simulation.with_terms((*library, *(each.term() for each in self.made)))
 
 
-def _by_formulas(task: _Task, names: Sequence[str]) -> Construction | None:
-    """Return what formulas can say, beside the library's effects `names`."""
+def _by_formulas(task: _Task, names: Sequence[str], most: int) -> Construction | None:
+    """Return what `most` formulas can say, beside the library's effects `names`."""
     recordings, seed = task.recordings, task.seed
     problem = recordings.fit
     selection = Selection(problem, task.ports, task.wholes, task.made, names, task.base, seed)
@@ -128,7 +135,7 @@ def _by_formulas(task: _Task, names: Sequence[str]) -> Construction | None:
         causes = tuple(Candidate(key, (), (), {}, (), None) for key in best.keys[:1])
         return judged(recordings, Models(selection.base, nothing, best, nothing, causes), seed).after.adequate
 
-    found = selection.found(adequate)
+    found = selection.found(adequate, most)
     models = _kept(problem, selection, found)
     made = {each.effect.name: each for each in task.made}
     if not any(cause.effect in made for cause in models.causes):

@@ -116,6 +116,13 @@ _FORMS: tuple[Form, ...] = (
     Form("constant", ("amount",), ((),), lambda _x, _s, _w: (np.ones(1),), ("1",), "a constant"),
     _one("linear", 1.0, lambda x: x, "{x}", "proportional to {x}"),
     _one("square", 2.0, lambda x: x**2, "{x}²", "the square of {x}"),
+    _one(
+        "signed_three_halves",
+        1.5,
+        lambda x: np.copysign(np.abs(x) ** 1.5, x),
+        "sign({x})·|{x}|^1.5",
+        "the power of three halves of {x}, with its sign",
+    ),
     _one("signed_square", 2.0, lambda x: np.abs(x) * x, "|{x}|·{x}", "the square of {x}, with its sign"),
     _one("cube", 3.0, lambda x: x**3, "{x}³", "the cube of {x}"),
     _one("fourth_power", 4.0, lambda x: x**4, "{x}⁴", "the fourth power of {x}"),
@@ -178,6 +185,14 @@ _FORMS: tuple[Form, ...] = (
         Shape("threshold", "place", _PLACES),
     ),
     _shaped(
+        "above_square",
+        2.0,
+        lambda x, s: np.maximum(x - s, 0.0) ** 2,
+        "max({x} − {s}, 0)²",
+        "the square of what {x} is above a threshold",
+        Shape("threshold", "place", _PLACES),
+    ),
+    _shaped(
         "below",
         1.0,
         lambda x, s: np.minimum(x - s, 0.0),
@@ -209,6 +224,14 @@ _FORMS: tuple[Form, ...] = (
         lambda x, _s, _w: (np.abs(x[0]) * x[1],),
         ("|{x}|·{y}",),
         "the product of {y} and the magnitude of {x}",
+    ),
+    Form(
+        "product_of_square",
+        ("amount",),
+        ((2.0, 1.0),),
+        lambda x, _s, _w: (x[0] ** 2 * x[1],),
+        ("{x}²·{y}",),
+        "the product of {y} and the square of {x}",
     ),
 )
 FORMS: Final = {form.name: form for form in _FORMS}

@@ -28,7 +28,7 @@ from discrepancy.search.singles import Single
 from discrepancy.verdict import MOST_EQUIVALENTS
 from messages.arrays import FloatArray
 
-_MOST_TERMS = 3
+MOST_TERMS = 3
 """Terms in a construction: each takes a round, and one that does not pay ends them before."""
 _TRIED, _LED, _FINISHED = 6, 4, 2
 """Effects that are refitted in a round, followed further, and finished: where trajectories bend, linear scores are but
@@ -101,11 +101,11 @@ class Selection:
         """Return the base model's fit."""
         return self._base
 
-    def found(self, adequate: Callable[[Fit], bool]) -> Found:
-        """Return what the recording needs; nothing more is taken in once a fit is `adequate`."""
+    def found(self, adequate: Callable[[Fit], bool], most: int = MOST_TERMS) -> Found:
+        """Return what the recording needs, `most` terms; nothing more is taken in once a fit is `adequate`."""
         best = self._base
         causes: tuple[Candidate, ...] = ()
-        while len(causes) < _MOST_TERMS:
+        while len(causes) < most:
             here = self._round(best, causes)
             if len(causes) == 1 and (exchanged := self._exchanged(here, best)) is not None:
                 best, causes = exchanged

@@ -20,7 +20,7 @@ _STEEPEST = 0.5
 """Radians of a wave between two samples, at most, at the signal's ordinary speed: a faster one is not sampled."""
 _WIDEST = 1e6
 """Scales that an amount may have."""
-_OF_SIGNS = frozenset(["signed_square", "magnitude", "sign", "stribeck", "dead_band"])
+_OF_SIGNS = frozenset(["signed_three_halves", "signed_square", "magnitude", "sign", "stribeck", "dead_band"])
 """Forms that say nothing else than others of a signal that keeps its sign."""
 
 

@@ -41,7 +41,7 @@ def friction(span: PortSpan, step_s: float, steps: float) -> list[PortTerm]:
     place = span.port.place("velocity")
     if place is None:
         return []
-    term = partial(at_port, span.port)
+    term = partial(at_port, span)
     speed, speed_unit, unit = span.signals[place], span.port.signals[place].unit, span.port.unit
     per_speed, per_square = over(unit, speed_unit), f"{unit}/({speed_unit})^2"
     least = max(_STILL * speed.size, _JUMPS * speed.jump / steps)
@@ -135,7 +135,7 @@ def _inertia(span: PortSpan, place: int, speed: Span, step_s: float) -> PortTerm
     per_s = span.port.signals[place].unit
     unit = over(span.port.unit, f"{per_s}^2" if per_s.endswith("/s") else f"{per_s}/s")
     return at_port(
-        span.port,
+        span,
         "missing_inertia",
         inertia,
         (Parameter("value", unit, 0.0, -0.5 * own, 2.0 * own, scale),),
@@ -164,7 +164,7 @@ def _hysteresis(span: PortSpan, place: int) -> list[PortTerm]:
     unit = span.port.signals[at].unit
     return [
         at_port(
-            span.port,
+            span,
             "hysteresis",
             hysteresis,
             (

@@ -24,7 +24,10 @@ def terms_within(whole: Spans, channels: Channels) -> tuple[Term, ...]:
     found: list[Term] = []
     for span in whole.ports:
         others = [each.port for each in whole.ports if each is not span]
-        found += [*friction(span, whole.substep_s, whole.step_s / whole.substep_s), *restoring(span, whole.substep_s, others)]
+        found += [
+            *friction(span, whole.substep_s, whole.step_s / whole.substep_s),
+            *restoring(span, whole.substep_s, others),
+        ]
     for place, name in enumerate(channels.input_names):
         found += amplitude("input", place, channels.input_names, whole.inputs, whole)
         found += timing("input", place, channels.input_names, whole.inputs[name], whole)

@@ -4,23 +4,26 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from discrepancy.ports.declared import (
+    Arrays,
     Beginning,
     Elsewhere,
-    Port,
     PortFormula,
     PortTerm,
+    Rows,
     Side,
     SignalFormula,
     SignalTerm,
 )
+from discrepancy.ports.ranges import PortSpan
 from discrepancy.simulation import Effect, Parameter, Values
+from messages.arrays import FloatArray
 
 _MATTERS = 0.02
 """Of a parameter's scale: less is of no matter to anybody, however surely it is there."""
 
 
 def at_port(
-    port: Port,
+    span: PortSpan,
     name: str,
     formula: PortFormula,
     parameters: tuple[Parameter, ...],
@@ -34,10 +37,21 @@ def at_port(
     begun: Beginning | None = None,
     elsewhere: Mapping[str, Elsewhere] | None = None,
 ) -> PortTerm:
-    """Return a term at a port."""
+    """Return a term at a port, whose formula tells what drives its signals up: a port may count the other way."""
+    port = span.port
     told = _told(f"At {port.words}", explanation)
     effect = Effect(f"{name}_at_{port.name}", _sized(parameters), told, remedy, experiment, choices, starts)
-    return PortTerm(port.name, effect, formula, memory, begun, elsewhere or {})
+    return PortTerm(
+        port.name, effect, formula if span.along > 0.0 else _reversed(formula), memory, begun, elsewhere or {}
+    )
+
+
+def _reversed(formula: PortFormula) -> PortFormula:
+    def acting(signals: Rows, own: Rows, values: Arrays) -> tuple[FloatArray, Rows]:
+        added, rates = formula(signals, own, values)
+        return -added, rates
+
+    return acting
 
 
 def on_signal(

@@ -4,15 +4,18 @@ The base model is fitted first, so that its own trajectory is near the measured 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from discrepancy.ports.acting import check_port
-from discrepancy.ports.declared import Port, Rows
+from discrepancy.ports.declared import Port, PortTerm, Role, Rows
+from discrepancy.ports.ode import Ode
 from discrepancy.problem import Problem
 from discrepancy.search.refits import base_of
+from discrepancy.simulation import Channels, Effect, Parameter, Values
 from messages.arrays import FloatArray
 from messages.errors import UserError
 
@@ -23,6 +26,12 @@ _ALMOST_ALL = 98.0
 """Percent of a signal's samples that are within what is called its size: peaks are left out."""
 _UNIT = 1.0
 """Of a port: what is added there to see what it does."""
+_PUSHED = 1e-3
+"""Of what would move a system as much as it moves: a push that shows which way it goes."""
+_PUSHED_SAMPLES = 3
+"""After which that is looked for: a position follows a force two integrations later."""
+_MOVED: tuple[Role, ...] = ("velocity", "position", "level")
+"""What a port may drive, that which follows first before others."""
 
 
 @dataclass(frozen=True)
@@ -52,20 +61,22 @@ class PortSpan:
     """Of one port: the spans of its signals, and the `size` of what, added there, would move the system as much as it
     moves.
 
-    `response` is by how much a unit there changes the rate of the state that it changes most, in that state's unit.
+    `response` is by how much a unit there changes the rate of the state that it changes most, in that state's unit;
+    `along` whether what is added drives what is moved there the way that its signals count, 1, or against it, −1.
     """
 
     port: Port
     signals: tuple[Span, ...]
     size: float
     response: float
+    along: float = 1.0
 
 
 @dataclass(frozen=True)
 class Spans:
     """Of a whole recording: its ports, inputs and measured outputs by name, `step_s` between samples, `substep_s` of
-    the integrator, its length, what the base model leaves of each output, whether it predicts one that `jumps`, and
-    whether its inputs are `held` until the next sample.
+    the integrator, its length, what the base model leaves of each output, whether it predicts one that `jumps`, whether
+    its inputs are `held` until the next sample, and which outputs go a `bent` way between samples.
     """
 
     ports: tuple[PortSpan, ...]
@@ -77,6 +88,7 @@ class Spans:
     left: dict[str, FloatArray]
     jumps: bool
     held: bool
+    bent: frozenset[str]
 
 
 class PortNotes:
@@ -116,8 +128,9 @@ def spans(simulation: "PortedSimulation") -> Spans:
     for port in plain.ports:
         if port.name not in quiet.signals:
             raise UserError(f"{simulation.system}: port {port.name}: the model never calls act there")
+    ports = [_port(port, plain.ports, quiet.signals[port.name], rates, trace) for port in plain.ports]
     return Spans(
-        tuple(_port(port, plain.ports, quiet.signals[port.name], rates, trace) for port in plain.ports),
+        tuple(replace(each, along=_along(plain, each, fit.values, quiet.signals)) for each in ports),
         {name: Span.of(row) for name, row in zip(channels.input_names, channels.inputs.T, strict=True)},
         {name: Span.of(row) for name, row in zip(channels.names, channels.values.T, strict=True)},
         batch.step_s,
@@ -126,6 +139,7 @@ def spans(simulation: "PortedSimulation") -> Spans:
         dict(zip(channels.names, fit.residual, strict=True)),
         any(_jumps(row) for row in plain.predicted(fit.values).T),
         plain.model.held,
+        _bent(plain, fit.values),
     )
 
 
@@ -135,6 +149,51 @@ def _jumps(signal: FloatArray) -> bool:
     """
     change = np.diff(signal[np.isfinite(signal)])
     return float(np.mean(np.diff(change) ** 2)) > float(np.mean(change**2)) if len(change) > 1 else False
+
+
+def _along(simulation: "PortedSimulation", span: PortSpan, values: Values, before: dict[str, Rows]) -> float:
+    """Return 1 where a constant that is added at a port begins to move its signal up, −1 where down; `before` are the
+    signals at all ports without it.
+    """
+    port = span.port
+    place = next((k for role in _MOVED if (k := port.place(role)) is not None), None)
+    if place is None:
+        return 1.0
+    push = Effect("push", (Parameter("value", port.unit, 0.0, -np.inf, np.inf, 1.0),), "", "", "")
+    pushed = simulation.with_terms((PortTerm(port.name, push, lambda _signals, _own, p: (p["value"], ())),))
+    notes = PortNotes(simulation.ports)
+    pushed.model.traced(pushed.batch([{**values, push.qualified("value"): _PUSHED * span.size}]))(notes)
+    n = len(simulation.channels.t_s)
+    there, here = (np.broadcast_to(np.asarray(each[port.name][place]), (1, n))[0] for each in (notes.signals, before))
+    return -1.0 if there[_PUSHED_SAMPLES] < here[_PUSHED_SAMPLES] else 1.0
+
+
+def _bent(simulation: "PortedSimulation", values: Values) -> frozenset[str]:
+    """Return the outputs whose way between two samples is nearer to a cubic spline than to a straight line.
+
+    That hangs on the model: an input that is held bends a speed at each sample, and a position hardly. A model of whole
+    signals tells no more of it than whether they jump.
+    """
+    channels = simulation.channels
+    coarse = simulation.predicted(values)
+    if not isinstance(simulation.model, Ode):
+        return frozenset(name for name, row in zip(channels.names, coarse.T, strict=True) if not _jumps(row))
+    n = len(channels.t_s)
+    whole, between = channels.t_s, 0.5 * (channels.t_s[1:] + channels.t_s[:-1])
+    fine_s = np.sort(np.concatenate((whole, between)))
+    inputs = channels.inputs
+    middle = inputs[:-1] if simulation.model.held else 0.5 * (inputs[1:] + inputs[:-1])
+    fine_inputs = np.empty((2 * n - 1, inputs.shape[1]))
+    fine_inputs[::2], fine_inputs[1::2] = inputs, middle
+    unread = np.zeros((2 * n - 1, len(channels.names)))
+    fine = replace(simulation, channels=Channels(fine_s, unread, channels.names, fine_inputs, channels.input_names))
+    there = fine.predicted(values)[1::2]
+    with np.errstate(invalid="ignore"):
+        straight = ((there - 0.5 * (coarse[1:] + coarse[:-1])) ** 2).sum(axis=0)
+        bent = [
+            np.sum((each - CubicSpline(whole, row)(between)) ** 2) for each, row in zip(there.T, coarse.T, strict=True)
+        ]
+    return frozenset(name for name, line, curve in zip(channels.names, straight, bent, strict=True) if curve < line)
 
 
 Trace = Callable[[PortNotes], FloatArray]

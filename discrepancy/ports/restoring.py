@@ -21,6 +21,8 @@ _GAPS = (0.2, 0.5)
 """Of a position's size: free play in which a spring may not act."""
 _STOPS = (0.6, 0.8, 0.95)
 """Of the way from lowest to highest: where an end stop or an overflow may begin."""
+_HARD = (1.0, 0.03)
+"""Of the hardest: stiffness that a fit of a stop or an overflow begins with; from a hard one a soft one is not found."""
 _STIFFEST = 0.5
 """Of what the integrator stands: an end stop or an overflow as hard as that is hard."""
 _MOST_INTO = 5.0
@@ -49,7 +51,7 @@ def _constant(span: PortSpan) -> PortTerm:
         return p["value"], ()
 
     return at_port(
-        span.port,
+        span,
         "constant",
         constant,
         (both("value", span.port.unit, span.size),),
@@ -60,7 +62,7 @@ def _constant(span: PortSpan) -> PortTerm:
 
 
 def _springs(span: PortSpan, role: Role, place: int, step_s: float) -> list[PortTerm]:
-    term = partial(at_port, span.port)
+    term = partial(at_port, span)
     unit, size = span.port.signals[place].unit, span.signals[place].size
     most, force = MOST * span.size, SHARE * span.size
 
@@ -126,7 +128,7 @@ def _cube(most: float, size: float) -> tuple[float, float]:
 
 
 def _limits(span: PortSpan, role: Role, place: int, step_s: float, others: Sequence[Port]) -> list[PortTerm]:
-    term = partial(at_port, span.port)
+    term = partial(at_port, span)
     unit, signal = span.port.signals[place].unit, span.signals[place]
     travel = 2.0 * half_range(signal)
     speeds = span.port.place("velocity") is not None
@@ -147,7 +149,8 @@ def _limits(span: PortSpan, role: Role, place: int, step_s: float, others: Seque
         )
 
     def starts(shares: tuple[float, ...]) -> tuple[dict[str, float], ...]:
-        return tuple({"limit": signal.low + share * travel, "stiffness": stiff} for share in shares)
+        places = [signal.low + share * travel for share in shares]
+        return tuple({"limit": place, "stiffness": hard * stiff} for hard in _HARD for place in places)
 
     if role == "level":
         words = (
@@ -199,7 +202,7 @@ def _cogging(span: PortSpan, place: int) -> PortTerm:
         return p["sine"] * np.sin(angle) + p["cosine"] * np.cos(angle), ()
 
     return at_port(
-        span.port,
+        span,
         "cogging",
         cogging,
         (

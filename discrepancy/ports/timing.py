@@ -1,7 +1,7 @@
 """What may be wrong with the times of a signal: a delay, a lag, a clock that drifts, a slow update, lost samples.
 
 On outputs and inputs alike: `signals` are (k, n), and what is told is positive where the real signal is late. An input
-that is held from sample to sample acts by its mean over each; between samples of an output lies a smooth curve.
+that is held from sample to sample acts by its mean over each; an output goes straight from one to the next, or bends.
 """
 
 import math
@@ -26,6 +26,8 @@ _REPEATS = 0.01
 """Of a channel's samples: fewer equal neighbours are chance."""
 _SLOWER = (2.0, 3.0, 5.0, 10.0)
 """Times that a channel may be updated more slowly than it is written."""
+_FINER = 4
+"""Straight pieces to a sample, of what bends between two."""
 _SHIFTS = (-1, 1)
 """Samples that a delay may begin at: of a signal that jumps, a shift by a part of one is a minimum of its own."""
 _STEPWISE = "Step an input and compare when the channels begin to move, and how fast."
@@ -38,8 +40,10 @@ def timing(side: Side, place: int, names: tuple[str, ...], span: Span, whole: Sp
     longest = _MOST_OF_RECORD * whole.seconds
     shift = SHARE * (span.high - span.low) * step_s / span.jump if span.jump > 0.0 else step_s
     scale = float(np.clip(shift, _LEAST_STEPS * step_s, 0.1 * longest))
-    between = at_times if side == "input" or whole.jumps else smoothly_at_times
+    between = smoothly_at_times if side == "output" and names[place] in whole.bent else at_times
     followed = _mean_followed if side == "input" and whole.held else _followed
+    if between is smoothly_at_times:
+        followed = _smoothly_followed
 
     def delay(signals: Rows, channels: Channels, p: Arrays) -> FloatArray:
         return between(channels.t_s - p["value"], channels.t_s, signals[place])
@@ -163,6 +167,14 @@ def _followed(x: FloatArray, step: float) -> FloatArray:
     kept = math.exp(-step)
     g = -math.expm1(-step) / step
     return np.asarray(lfilter([1.0 - g, g - kept], [1.0, -kept], x, zi=[g * x[0]])[0])
+
+
+def _smoothly_followed(x: FloatArray, step: float) -> FloatArray:
+    """Return what follows x (n,), cubic splines between samples that are `step` time constants apart."""
+    if not np.isfinite(x).all():
+        return _followed(x, step)
+    places = np.arange(_FINER * (len(x) - 1) + 1) / _FINER
+    return _followed(CubicSpline(np.arange(len(x)), x)(places), step / _FINER)[::_FINER]
 
 
 def _mean_followed(x: FloatArray, step: float) -> FloatArray:

@@ -120,24 +120,27 @@ class Search:
         asked = (tuple(best.values.items()), causes, most)
         if asked == self._asked and refits.white is self._asked_under:
             return self._answer
-        out = []
+        tried: list[tuple[int, Candidate, float, Fit]] = []
         for place, cause in enumerate(causes):
             without = refits.without(best, cause)
-            others = self._others(causes)
             seen: set[str] = set()
-            reach = cost(best)
             need = max(without.chi2 - best.chi2, 0.0)
-            for candidate, drop in refits.ranked(without, others):
+            for candidate, drop in refits.ranked(without, self._others(causes)):
                 if len(seen) >= most or drop < NEAR * need:
                     break
-                if candidate.effect in seen:
-                    continue
-                seen.add(candidate.effect)
-                fit = refits.joined(without, candidate, FIRST_STEPS)
-                if cost(fit) < reach + _RIVAL_FINISHED * need:
-                    fit = refits.finished(fit)
-                if cost(fit) < reach + _RIVAL_TOLD * need:
-                    out.append((place, candidate, fit))
+                if candidate.effect not in seen:
+                    seen.add(candidate.effect)
+                    tried.append((place, candidate, need, without))
+        fits = refits.joined_each([(without, candidate) for _, candidate, _, without in tried], FIRST_STEPS)
+        reach = cost(best)
+        near = [k for k, fit in enumerate(fits) if cost(fit) < reach + _RIVAL_FINISHED * tried[k][2]]
+        for k, fit in zip(near, refits.finished_each([fits[k] for k in near]), strict=True):
+            fits[k] = fit
+        out = [
+            (place, candidate, fit)
+            for (place, candidate, need, _), fit in zip(tried, fits, strict=True)
+            if cost(fit) < reach + _RIVAL_TOLD * need
+        ]
         self._asked, self._asked_under, self._answer = asked, refits.white, out
         return out
 
@@ -171,13 +174,12 @@ class Search:
             best = refits.recoloured(best)
             wider = refits.wider(causes)
             neutral = [c for c in wider if c.offset is None]
-            proposals: list[Proposal] = []
-            for candidate, drop in refits.ranked(best, [*self._others(causes), *neutral])[:_MOST_JOINED]:
-                if drop - price(candidate.keys) > _PROMISING * least:
-                    proposals.append((refits.joined(best, candidate, FIRST_STEPS), (*causes, candidate)))
-            proposals += [
-                (refits.joined(best, candidate, FIRST_STEPS), (*causes, candidate))
-                for candidate in refits.begun_beside(best, [c for c in wider if c.offset is not None])
+            ranked = refits.ranked(best, [*self._others(causes), *neutral])[:_MOST_JOINED]
+            further = [c for c, drop in ranked if drop - price(c.keys) > _PROMISING * least]
+            further += refits.begun_beside(best, [c for c in wider if c.offset is not None])
+            fits = refits.joined_each([(best, candidate) for candidate in further], FIRST_STEPS)
+            proposals: list[Proposal] = [
+                (fit, (*causes, candidate)) for fit, candidate in zip(fits, further, strict=True)
             ]
             if len(causes) == 1:
                 proposals += self._pairs_from_base(couples, best, least)
@@ -238,7 +240,9 @@ class Search:
         leading: dict[frozenset[str], Proposal] = {}
         for fit, causes in sorted(proposals, key=lambda each: cost(each[0])):
             leading.setdefault(frozenset(each.effect for each in causes), (fit, causes))
-        finished = [(refits.finished(fit), causes) for fit, causes in list(leading.values())[:FINISHED]]
+        first = list(leading.values())[:FINISHED]
+        fits = refits.finished_each([fit for fit, _ in first])
+        finished = [(fit, causes) for fit, (_, causes) in zip(fits, first, strict=True)]
         for fit, causes in simplest_first(best, finished, lambda each: each[0]):
             gain = (best.chi2 - fit.chi2) / inflation_of(at_base, causes, refits.library.base)
             pays = gain - (price(fit.keys) - price(best.keys)) > least

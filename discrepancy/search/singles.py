@@ -87,6 +87,5 @@ def _refitted(refits: Refits, worth: FloatArray) -> dict[int, Fit]:
             if not started or gained > _FULFILLED * worth[index]:
                 counts[each.effect] = counts.get(each.effect, 0) + 1
     fits = {index: fit for index, fit in fits.items() if refits.matters(fit, candidates[index])}
-    for index in sorted(fits, key=lambda k: cost(fits[k]))[:FINISHED]:
-        fits[index] = refits.finished(fits[index])
-    return fits
+    first = sorted(fits, key=lambda k: cost(fits[k]))[:FINISHED]
+    return fits | dict(zip(first, refits.finished_each([fits[index] for index in first]), strict=True))

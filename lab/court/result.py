@@ -32,6 +32,7 @@ class Told(msgspec.Struct, frozen=True):
     system: str
     verdict: str
     causes: list[ToldCause]
+    next_experiment: str | None = None
 
 
 class Errors(msgspec.Struct, frozen=True):
@@ -44,7 +45,8 @@ class Errors(msgspec.Struct, frozen=True):
 class Result(msgspec.Struct, frozen=True):
     """All of one case. `told` is null where the command failed, with its last line in `failure`.
 
-    `oracle` are the errors if the finder is told which causes to fit, of single and pair cases. `seconds` is the
+    `oracle` are the errors if the finder is told which causes to fit, of single and pair cases; of a system with ports,
+    whose truth knows how much there is to be found, it is null. `seconds` is the
     command's whole run, `cpu_seconds` what it computed: on a busy machine that is less.
     """
 

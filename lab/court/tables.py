@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from lab.court.ported import Count
 from lab.court.score import Rate, SystemScore
 from lab.court.smallest import Smallest
 
@@ -17,6 +18,7 @@ RATE_WORDS = {
     "share_of_oracle": "held-out gain, as a share of that with the true causes given",
 }
 SMALLEST_COLUMNS = ("effect", "smallest size found in 95 %", "range of sizes", "unit", "found")
+COUNT_COLUMNS = ("of all cases", "required", "found")
 CONFUSION_COLUMNS = ("hidden effect", "named first, and how often")
 
 
@@ -50,9 +52,22 @@ def confusion_rows(score: SystemScore) -> list[list[str]]:
     ]
 
 
-def markdown(scores: Sequence[SystemScore], seeds: dict[str, list[int]]) -> str:
+def count_rows(found: Sequence[Count]) -> list[list[str]]:
+    """Return a row for every count over all systems with ports."""
+    rows = []
+    for each in found:
+        wanted = "" if each.wanted is None else f"{'≤' if each.at_most else '≥'} {100.0 * each.wanted:.0f} %"
+        share = f" ({100.0 * each.k / each.n:.1f} %)" if each.n else ""
+        rows.append([each.words, wanted, f"{each.k:g} of {each.n}{share}"])
+    return rows
+
+
+def markdown(scores: Sequence[SystemScore], seeds: dict[str, list[int]], with_ports: Sequence[Count] = ()) -> str:
     """Return the whole court as a page; `seeds` by system, which are known now that all is judged."""
-    parts = ["# Results on hidden effects", "", *_sheet(rate_columns(scores), rate_rows(scores))]
+    parts = ["# Results on hidden effects", ""]
+    if with_ports:
+        parts += [*_sheet(COUNT_COLUMNS, count_rows(with_ports)), ""]
+    parts += _sheet(rate_columns(scores), rate_rows(scores))
     for score in scores:
         parts += ["", f"## {score.system}: smallest size found", "", *_sheet(SMALLEST_COLUMNS, smallest_rows(score))]
         parts += [

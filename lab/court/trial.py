@@ -15,7 +15,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from lab.court.plan import Slot, hidden_system
+from lab.court.plan import PORTED, Slot, asked, hidden_system
 from lab.court.result import Errors, Result, Told
 from lab.hidden.case import Case, Kind
 
@@ -30,7 +30,7 @@ def judged(slot: Slot, case: Case) -> Result:
         folder = Path(name)
         fit, held_out, out = folder / "fit", folder / "held_out", folder / "out"
         truth = hidden_system(case.system).write(case, fit, held_out)
-        command = ["explain", case.system, str(fit), "--held-out", str(held_out), "--no-report"]
+        command = [*asked(case.system, fit, held_out), "--no-report"]
         without = ["--without", ",".join(slot.left_out)] if slot.left_out else []
         began_s, began_cpu_s = time.monotonic(), _cpu_s()
         failure = _run([*command, *without, "--out", str(out)])
@@ -38,7 +38,7 @@ def judged(slot: Slot, case: Case) -> Result:
         told = None if failure else msgspec.json.decode((out / "verdict.json").read_bytes(), type=Told)
         errors = None if failure else held_out_errors(out / "held_out.csv")
         oracle = None
-        if case.kind in (Kind.SINGLE, Kind.PAIR):
+        if case.kind in (Kind.SINGLE, Kind.PAIR) and case.system not in PORTED:
             known = folder / "known"
             if not _run([*command, "--only", ",".join(case.effects), "--out", str(known)]):
                 oracle = held_out_errors(known / "held_out.csv")

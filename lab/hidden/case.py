@@ -85,8 +85,8 @@ class Truth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     `nuisance` is whatever else was drawn (foot, amplitude, noise level and colour), for a reader.
     `effect_rms_over_noise` is the RMS, over all channels, of what the causes alter in the fit recording, each channel
-    divided by its noise; null where that was not measured. `chi2_beyond_base` is by how much χ² of the fit recording would fall
-    if a model with its own parameters free were told the causes; null likewise.
+    divided by its noise; null where that was not measured. `chi2_beyond_base` is by how much χ² of the fit recording
+    would fall if a model with its own parameters free were told the causes; null likewise.
     """
 
     system: str
@@ -128,6 +128,14 @@ class System(Protocol):
         """Effects that can sensibly occur together."""
 
     @property
+    def WITHHELD(self) -> tuple[str, ...]:
+        """Those of EFFECTS that the finder may be left without."""
+
+    @property
+    def SHARES(self) -> Mapping[Kind, float]:
+        """Of all cases, those of each kind but `Kind.SINGLE`, which are the rest."""
+
+    @property
     def SIZES(self) -> Mapping[str, Sizes]:
         """The range of sizes of each of EFFECTS and OUTSIDE, stated before anything is judged."""
 
@@ -141,6 +149,15 @@ class System(Protocol):
         Everything is drawn from `case` alone. The held-out one has the same causes, sizes and unit, and another
         excitation. Neither folder tells anything of the case.
         """
+
+
+SHARES: Mapping[Kind, float] = {
+    Kind.CLEAN: 20 / 140,
+    Kind.PAIR: 12 / 140,
+    Kind.OUTSIDE: 12 / 140,
+    Kind.WITHHELD: 12 / 140,
+}
+"""As most systems are asked."""
 
 
 def log_uniform(random: np.random.Generator, low: float, high: float) -> float:

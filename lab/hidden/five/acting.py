@@ -1,4 +1,4 @@
-"""How something hidden acts in a system: as a force at a port, on what drives it, on what is read, on what is written."""
+"""How something hidden acts in a system: at a port, on what drives it, on what is read, on what is written."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -14,6 +14,9 @@ from lab.hidden.five.systems import SYSTEMS, Recorded, drawn
 
 RECORDING: Final = "recording.csv"
 """Of a folder: its only file."""
+_AT_PORT: Final = "_at_"
+"""In the name of an effect that acts inside the system, where something may be constructed in its place."""
+_SHARES: Final[Mapping[Kind, float]] = {Kind.CLEAN: 0.3, Kind.OUTSIDE: 0.16, Kind.WITHHELD: 0.14, Kind.PAIR: 0.0}
 _DECLARED: Final = "noise_"
 """Before a reading's name: the column of its noise's deviation, where somebody declared it."""
 
@@ -26,22 +29,37 @@ class PortedSystem:
 
     @property
     def EFFECTS(self) -> tuple[str, ...]:
+        """What it can hide that a library names."""
         return tuple(NAMED[self.name])
 
     @property
     def OUTSIDE(self) -> tuple[str, ...]:
+        """What it can hide that none names."""
         return tuple(OUTSIDE[self.name])
 
     @property
     def PAIRS(self) -> tuple[tuple[str, str], ...]:
+        """None: one thing is hidden at a time."""
         return ()
 
     @property
+    def WITHHELD(self) -> tuple[str, ...]:
+        """Effects inside the system."""
+        return tuple(name for name in self.EFFECTS if _AT_PORT in name)
+
+    @property
+    def SHARES(self) -> Mapping[Kind, float]:
+        """Many clean ones, and many that no library explains."""
+        return _SHARES
+
+    @property
     def SIZES(self) -> Mapping[str, Sizes]:
-        return {key: each.sizes for key, each in (NAMED[self.name] | OUTSIDE[self.name]).items()}
+        """The range of each size."""
+        return {key: each.sizes for key, each in {**NAMED[self.name], **OUTSIDE[self.name]}.items()}
 
     @property
     def LOOK_ALIKES(self) -> tuple[tuple[str, ...], ...]:
+        """Effects that imitate each other."""
         return LOOK_ALIKES.get(self.name, ())
 
     def write(self, case: Case, folder: Path, held_out: Path) -> Truth:
@@ -90,4 +108,6 @@ def _write(system: str, recorded: Recorded, path: Path, *, declared: bool) -> No
             for name, std in zip(told.names, recorded.noise, strict=True)
         }
     path.parent.mkdir(parents=True, exist_ok=True)
-    np.savetxt(path, np.column_stack(list(columns.values())), fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
+    np.savetxt(
+        path, np.column_stack(list(columns.values())), fmt="%.9g", delimiter=",", header=",".join(columns), comments=""
+    )

@@ -88,7 +88,9 @@ def _reading(
     """Return what may be wrong with a reading of about that deviation."""
     longest = f"_of_{name}"
     return {
-        f"delay{longest}": Mechanism(Sizes(0.1 * step_s, 4.0 * step_s, "s"), _value("value"), read_with_time(channel, late)),
+        f"delay{longest}": Mechanism(
+            Sizes(0.1 * step_s, 4.0 * step_s, "s"), _value("value"), read_with_time(channel, late)
+        ),
         f"lag{longest}": Mechanism(Sizes(0.2 * step_s, 5.0 * step_s, "s"), _value("value"), read_slowly(channel)),
         f"offset{longest}": Mechanism(
             Sizes(2e-2 * deviation, 0.4 * deviation, unit), _value("value", either=True), read(channel, offset)
@@ -99,7 +101,9 @@ def _reading(
             read_with_time(channel, drift),
         ),
         f"clock_drift{longest}": Mechanism(
-            Sizes(0.3 * step_s / seconds, 6.0 * step_s / seconds, "s/s"), _value("rate"), read_with_time(channel, slow_clock)
+            Sizes(0.3 * step_s / seconds, 6.0 * step_s / seconds, "s/s"),
+            _value("rate"),
+            read_with_time(channel, slow_clock),
         ),
         f"tone{longest}": Mechanism(
             Sizes(5e-3 * deviation, 0.1 * deviation, unit),
@@ -109,7 +113,9 @@ def _reading(
         f"saturation{longest}": Mechanism(
             Sizes(mean + 0.9 * deviation, mean + 1.6 * deviation, unit), _value("upper"), read(channel, saturation)
         ),
-        f"play{longest}": Mechanism(Sizes(0.02 * deviation, 0.3 * deviation, unit), _value("width"), read(channel, play)),
+        f"play{longest}": Mechanism(
+            Sizes(0.02 * deviation, 0.3 * deviation, unit), _value("width"), read(channel, play)
+        ),
         f"quantisation{longest}": Mechanism(
             Sizes(0.03 * deviation, 0.2 * deviation, unit), _value("step"), rounded(channel)
         ),
@@ -122,9 +128,7 @@ def _input(name: str, unit: str, deviation: float, mean: float = 0.0) -> dict[st
         f"saturation_of_{name}": Mechanism(
             Sizes(mean + 0.9 * deviation, mean + 1.6 * deviation, unit), _value("upper"), driven(saturation)
         ),
-        f"play_of_{name}": Mechanism(
-            Sizes(0.05 * deviation, 0.6 * deviation, unit), _value("width"), driven(play)
-        ),
+        f"play_of_{name}": Mechanism(Sizes(0.05 * deviation, 0.6 * deviation, unit), _value("width"), driven(play)),
         f"offset_of_{name}": Mechanism(
             Sizes(0.02 * deviation, 0.3 * deviation, unit), _value("value", either=True), driven(offset)
         ),
@@ -332,9 +336,40 @@ OUTSIDE: Final[Mapping[str, Mapping[str, Mechanism]]] = {
 }  # fmt: skip
 """Likewise; by names that no library has."""
 
+
+def _with_port(port: str, *names: str) -> tuple[str, ...]:
+    return tuple(f"{name}_at_{port}" for name in names)
+
+
+_DRY = ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "hysteresis")
+_BENT = ("cubic_spring", "dead_band_spring", "upper_stop", "lower_stop")
 LOOK_ALIKES: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
     "pendulum": (
-        ("offset_of_torque_nm", "constant_at_joint"),
-        ("delay_of_torque_nm", "delay_of_angle_rad", "lag_of_torque_nm", "lag_of_angle_rad", "missing_inertia_at_joint"),
+        (*_with_port("joint", *_DRY), "play_of_torque_nm", "dead_band_of_torque_nm"),
+        (*_with_port("joint", *_BENT), "curve_of_angle_rad"),
+    ),
+    "motor": (
+        (*_with_port("shaft", *_DRY[:3]), "dead_band_of_torque_nm", "play_of_torque_nm"),
+        ("quadratic_drag_at_shaft", "curve_of_speed_radps"),
+    ),
+    "quarter_car": (
+        _with_port("suspension", *_DRY),
+        _with_port("suspension", *_BENT),
+        _with_port("tyre", *_BENT, "cogging"),
+    ),
+    "two_tanks": (
+        ("leak_at_upper", "constant_at_upper", "offset_of_pump_mps", "gain_of_upper_m", "offset_of_upper_m"),
+        ("leak_at_lower", "constant_at_lower", "gain_of_lower_m", "offset_of_lower_m"),
+    ),
+    "heater": (
+        (
+            "constant_at_body",
+            "leak_at_body",
+            "offset_of_power_w",
+            "offset_of_temperature_k",
+            "gain_of_temperature_k",
+            "curve_of_temperature_k",
+        ),
     ),
 }
+"""Effects that imitate each other where one of them is missing."""

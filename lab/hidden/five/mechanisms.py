@@ -38,14 +38,17 @@ def _sign(v: float) -> float:
 
 
 def coulomb(v: int) -> Callable[[Told], Force]:
+    """Dry friction: a constant force against the motion."""
     return plain(lambda s, p: -p["value"] * _sign(s[v]))
 
 
 def stribeck(v: int) -> Callable[[Told], Force]:
+    """Dry friction that fades with speed."""
     return plain(lambda s, p: -p["value"] * _sign(s[v]) * math.exp(-abs(s[v]) / p["fades_at"]))
 
 
 def drag(v: int) -> Callable[[Told], Force]:
+    """Drag with the square of speed."""
     return plain(lambda s, p: -p["value"] * abs(s[v]) * s[v])
 
 
@@ -63,22 +66,28 @@ def hysteresis(v: int) -> Callable[[Told], Force]:
 
 
 def cubic_spring(x: int) -> Callable[[Told], Force]:
+    """A spring that hardens."""
     return plain(lambda s, p: -p["value"] * s[x] ** 3)
 
 
 def dead_band_spring(x: int) -> Callable[[Told], Force]:
+    """A spring beyond a free play."""
     return plain(lambda s, p: -p["value"] * (s[x] - min(max(s[x], -p["gap"]), p["gap"])))
 
 
 def upper_stop(x: int) -> Callable[[Told], Force]:
+    """A stop above, or an overflow."""
     return plain(lambda s, p: -p["stiffness"] * max(s[x] - p["limit"], 0.0))
 
 
 def lower_stop(x: int) -> Callable[[Told], Force]:
+    """A stop below."""
     return plain(lambda s, p: p["stiffness"] * max(p["limit"] - s[x], 0.0))
 
 
 def cogging(x: int) -> Callable[[Told], Force]:
+    """A wave over the position."""
+
     def formula(s: Sequence[float], p: Told) -> float:
         angle = 2.0 * math.pi * p["periods"] * s[x]
         return p["sine"] * math.sin(angle) + p["cosine"] * math.cos(angle)
@@ -87,10 +96,12 @@ def cogging(x: int) -> Callable[[Told], Force]:
 
 
 def leak(x: int) -> Callable[[Told], Force]:
+    """A loss with the level."""
     return plain(lambda s, p: -p["value"] * s[x])
 
 
 def constant() -> Callable[[Told], Force]:
+    """A constant."""
     return plain(lambda _s, p: p["value"])
 
 
@@ -127,11 +138,17 @@ def driven_slowly(p: Told) -> Hidden:
 
     def driving(drive: Drive, t_s: FloatArray, steps: int) -> FloatArray:
         held = np.repeat(drive(t_s), steps)
-        kept = math.exp(-(t_s[1] - t_s[0]) / steps / p["value"])
-        followed = lfilter([1.0 - kept], [1.0, -kept], held, zi=[kept * held[0]])[0]
-        return np.asarray(followed).reshape(-1, steps)
+        step = float(t_s[1] - t_s[0]) / steps / p["value"]
+        begun = _follow(held, step)
+        return np.asarray(held + (begun - held) * (-math.expm1(-step) / step)).reshape(-1, steps)
 
     return Hidden(driven=driving)
+
+
+def _follow(held: FloatArray, step: float) -> FloatArray:
+    """What follows an input (n,) held for steps of `step` time constants, at the beginning of each."""
+    kept = math.exp(-step)
+    return np.asarray(lfilter([0.0, 1.0 - kept], [1.0, -kept], held, zi=[held[0]])[0])
 
 
 def play(x: FloatArray, p: Told) -> FloatArray:
@@ -145,18 +162,22 @@ def play(x: FloatArray, p: Told) -> FloatArray:
 
 
 def saturation(x: FloatArray, p: Told) -> FloatArray:
+    """A limit above, or below."""
     return np.clip(x, p.get("lower", -np.inf), p.get("upper", np.inf))
 
 
 def dead_band(x: FloatArray, p: Told) -> FloatArray:
+    """What ignores small inputs."""
     return np.sign(x) * np.maximum(np.abs(x) - p["half_width"], 0.0)
 
 
 def offset(x: FloatArray, p: Told) -> FloatArray:
+    """Another zero."""
     return x + p["value"]
 
 
 def gain(x: FloatArray, p: Told) -> FloatArray:
+    """Another scale."""
     return x * (1.0 + p["share"])
 
 
@@ -189,20 +210,24 @@ def read_with_time(channel: int, change: Callable[[Curve, FloatArray, Told], Flo
 
 
 def late(curve: Curve, t_s: FloatArray, p: Told) -> FloatArray:
+    """Readings `value` s late."""
     return curve(np.maximum(t_s - p["value"], 0.0))
 
 
 def slow_clock(curve: Curve, t_s: FloatArray, p: Told) -> FloatArray:
+    """Readings of a clock that is slow by `rate`."""
     return curve(t_s * (1.0 - p["rate"]))
 
 
 def drift(curve: Curve, t_s: FloatArray, p: Told) -> FloatArray:
-    return curve(t_s) + (p["rate"] * t_s)[:, None]
+    """A zero that drifts by `rate` a second."""
+    return np.asarray(curve(t_s) + (p["rate"] * t_s)[:, None])
 
 
 def tone(curve: Curve, t_s: FloatArray, p: Told) -> FloatArray:
+    """A hum."""
     phase = 2.0 * np.pi * p["hz"] * t_s
-    return curve(t_s) + (p["sine"] * np.sin(phase) + p["cosine"] * np.cos(phase))[:, None]
+    return np.asarray(curve(t_s) + (p["sine"] * np.sin(phase) + p["cosine"] * np.cos(phase))[:, None])
 
 
 def read_slowly(channel: int) -> Makes:
@@ -211,8 +236,8 @@ def read_slowly(channel: int) -> Makes:
     def makes(p: Told) -> Hidden:
         def reading(curve: Curve, fine_s: FloatArray, t_s: FloatArray) -> FloatArray:
             out, true = np.array(curve(t_s)), curve(fine_s)[:, channel]
-            kept = math.exp(-(fine_s[1] - fine_s[0]) / p["value"])
-            slow = lfilter([1.0 - kept], [1.0, -kept], true, zi=[kept * true[0]])[0]
+            middle = np.append(0.5 * (true[1:] + true[:-1]), true[-1])
+            slow = _follow(middle, float(fine_s[1] - fine_s[0]) / p["value"])
             out[:, channel] = slow[:: len(fine_s) // len(t_s)]
             return out
 

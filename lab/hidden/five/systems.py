@@ -69,7 +69,7 @@ class Recorded:
 
     @property
     def noise_share(self) -> float:
-        """The noise's share of the readings' deviation, RMS over the channels: the error of the true model."""
+        """Return the noise's share of the readings' deviation, RMS over the channels: the error of the true model."""
         return float(np.sqrt(np.mean((self.noise / self.readings.std(axis=0)) ** 2)))
 
 
@@ -147,7 +147,7 @@ def drawn(
     true = _read(told, told.constants, hidden, drive, t_s)
     std = NOISE_SHARE * true.std(axis=0)
     readings = hidden.written(true + std * noise.normal(size=true.shape))
-    return Recorded(t_s, drive(t_s), readings, std, _beyond(told, true, drive, t_s, std))
+    return Recorded(t_s, drive(t_s), readings, std, _beyond(told, hidden.written(true), drive, t_s, std))
 
 
 def _drive(system: System, rng: np.random.Generator) -> Drive:

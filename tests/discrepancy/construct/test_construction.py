@@ -11,7 +11,7 @@ from discrepancy.report.extended import load_extended, with_constructed
 from discrepancy.report.output import write_report
 from discrepancy.values import predicted
 from discrepancy.verdict import from_json, to_json
-from lab.hidden.five_systems import CLEAN, SYSTEMS, drawn
+from lab.hidden.five.studied import CLEAN, STUDIED, studied
 from lab.undeclared.five_systems import simulation
 
 _SEED, _OTHER = 1, 501
@@ -19,7 +19,7 @@ _SEED, _OTHER = 1, 501
 
 def explained(system: str, hidden: str, *, declared: bool = True) -> Explanation:
     """Return what is found in a system modelled without any library."""
-    fit, held_out = (simulation(system, drawn(system, hidden, seed), declared=declared) for seed in (_SEED, _OTHER))
+    fit, held_out = (simulation(system, studied(system, hidden, seed), declared=declared) for seed in (_SEED, _OTHER))
     return explain(fit, held_out, seed=1)
 
 
@@ -36,7 +36,7 @@ def test_radiation_is_constructed_with_its_size_and_comes_back_from_its_file(tmp
     assert (verdict.gain.held_out_nrmse_after or 1.0) < 0.003
     assert from_json(to_json(verdict)) == verdict
     write_report(found, tmp_path, report=False)
-    held_out = simulation("heater", drawn("heater", "radiation", _OTHER), declared=True)
+    held_out = simulation("heater", studied("heater", "radiation", _OTHER), declared=True)
     whole = with_constructed(tmp_path / "extended.toml", held_out)
     values = load_extended(tmp_path / "extended.toml", whole)
     assert np.array_equal(predicted(whole, values), found.held_out.extended)
@@ -58,7 +58,7 @@ def test_cogging_is_constructed_with_its_teeth(declared: bool) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("system", sorted(SYSTEMS))
+@pytest.mark.parametrize("system", sorted(STUDIED))
 def test_nothing_is_constructed_in_a_clean_system(system: str) -> None:
     for declared in (True, False):
         assert explained(system, CLEAN, declared=declared).verdict.verdict != "constructed"

@@ -16,7 +16,7 @@ from discrepancy.ports.simulation import PortedSimulation
 from discrepancy.report.extended import load_extended, with_constructed
 from discrepancy.values import Neutral, predicted
 from discrepancy.verdict import Quantity
-from lab.hidden.five_systems import CLEAN, drawn
+from lab.hidden.five.studied import CLEAN, studied
 from lab.undeclared.five_systems import simulation
 from tests.bench.spoilt import check_refused
 
@@ -100,7 +100,7 @@ def test_a_learned_curve_can_be_level_and_straight() -> None:
 
 
 def test_columns_are_the_change_that_terms_make() -> None:
-    fit = simulation("heater", drawn("heater", CLEAN, 1, seconds=200.0), declared=True)
+    fit = simulation("heater", studied("heater", CLEAN, 1, seconds=200.0), declared=True)
     at = Neutral(fit).completed({})
     ports = Ports(fit, at)
     names = ("body_square_temperature", "body_above_temperature")  # an input is held, and given on the line
@@ -121,7 +121,7 @@ def test_columns_are_the_change_that_terms_make() -> None:
 @pytest.fixture(scope="module")
 def pendulum() -> PortedSimulation:
     """Return a pendulum with a short recording."""
-    return simulation("pendulum", drawn("pendulum", CLEAN, 1, seconds=2.0), declared=True)
+    return simulation("pendulum", studied("pendulum", CLEAN, 1, seconds=2.0), declared=True)
 
 
 def test_an_extended_model_brings_its_term_along(pendulum: PortedSimulation, tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def test_the_held_out_recording_takes_the_library_of_the_one_fitted() -> None:
 def test_what_needs_a_signal_is_not_offered_without_it() -> None:
     port = Port("tank", "m/s", "the tank", (Signal("level", "m", "level"),))
     span = PortSpan(port, (Span(0.0, 1.0, 1.0, 0.01),), 0.1, 1.0)
-    assert friction(span, 0.1) == []
+    assert friction(span, 0.1, 1.0) == []
     names = [term.effect.name for term in restoring(span, 0.1)]
     assert names == [
         "constant_at_tank",

@@ -19,7 +19,7 @@ from lab.court.score import score
 from lab.court.smallest import smallest_found
 from lab.court.tables import markdown, rate_rows
 from lab.court.trial import held_out_errors
-from lab.hidden.case import Case, Kind, Sizes, TrueCause, Truth
+from lab.hidden.case import SHARES, Case, Kind, Sizes, TrueCause, Truth
 from messages.errors import UserError
 
 
@@ -29,6 +29,8 @@ class Toy:
     EFFECTS = ("delay", "lag", "gain")
     OUTSIDE = tuple(f"strange_{number}" for number in range(6))
     PAIRS = (("delay", "gain"), ("lag", "gain"))
+    WITHHELD = EFFECTS
+    SHARES: Mapping[Kind, float] = SHARES
     SIZES: Mapping[str, Sizes] = {name: Sizes(0.1, 10.0, "ms") for name in (*EFFECTS, *OUTSIDE)}
     LOOK_ALIKES = (("delay", "lag"),)
 
