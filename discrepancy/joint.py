@@ -130,6 +130,7 @@ class JointProblem(Problem):
 
     def _join(self) -> None:
         self.valid = np.concatenate([part.valid for part in self._parts], axis=1)
+        self.reach = np.max([part.reach for part in self._parts], axis=0)
 
     def _stretches(self) -> Iterator[tuple[Problem, tuple[int, int]]]:
         return zip(self._parts, pairwise(self._edges), strict=True)

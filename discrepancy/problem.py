@@ -39,7 +39,8 @@ class Problem:
     """Residuals of one simulation against its recording; `noise` is what is known of its noise beside any model.
 
     `continued` says that it is the rest of a recording whose beginning is fitted. `own` are the keys of what belongs to
-    this recording alone. Raises UserError where fewer than 200 samples of any channel can be compared.
+    this recording alone, `reach` (c, 1) is what was measured at most. Raises UserError where fewer than 200 samples of
+    any channel can be compared.
     """
 
     def __init__(self, simulation: Simulation, noise: Noise | None = None, *, continued: bool = False) -> None:
@@ -171,7 +172,7 @@ class Problem:
         with np.errstate(invalid="ignore", over="ignore"):
             for there, (values, before, key) in zip(after, asked, strict=True):
                 change = (there - before) / self._step(values, key)
-                out.append(self.filled(np.where(np.abs(change) < _MOST_CHANGED * self._reach, change, 0.0)))
+                out.append(self.filled(np.where(np.abs(change) < _MOST_CHANGED * self.reach, change, 0.0)))
         return out
 
     def _step(self, values: Values, key: str) -> float:
@@ -186,7 +187,7 @@ class Problem:
     def lost(self, predicted: FloatArray) -> float:
         """Return the share of the compared samples that a prediction (c, n) cannot give."""
         with np.errstate(invalid="ignore"):
-            return 1.0 - float((np.abs(predicted) < _FAR * self._reach)[self.valid].mean())
+            return 1.0 - float((np.abs(predicted) < _FAR * self.reach)[self.valid].mean())
 
     def filled(self, values: FloatArray) -> FloatArray:
         """Return `values` (c, n) with what is missing on the line between its neighbours."""
@@ -216,7 +217,7 @@ class Problem:
     def _accept(self, valid: BoolArray) -> None:
         self.valid = valid
         most = np.abs(np.where(valid, self.measured, 0.0)).max(axis=1, keepdims=True)
-        self._reach: FloatArray = np.where(most > 0.0, most, 1.0)
+        self.reach: FloatArray = np.where(most > 0.0, most, 1.0)
         self._whole = bool(valid.all())
         gap, left, right, weight = [], [], [], []
         for row, present in enumerate(valid):

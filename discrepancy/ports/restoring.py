@@ -22,7 +22,7 @@ _GAPS = (0.2, 0.5)
 _STOPS = (0.6, 0.8, 0.95)
 """Of the way from lowest to highest: where an end stop or an overflow may begin."""
 _HARD = (1.0, 0.03)
-"""Of the hardest: stiffness that a fit of a stop or an overflow begins with; from a hard one a soft one is not found."""
+"""Of the hardest: where the stiffness of a stop or an overflow begins; a soft one is not found from a hard one."""
 _STIFFEST = 0.5
 """Of what the integrator stands: an end stop or an overflow as hard as that is hard."""
 _MOST_INTO = 5.0
