@@ -265,7 +265,7 @@ def rounded(channel: int) -> Makes:
 
     def makes(p: Told) -> Hidden:
         def writing(readings: FloatArray) -> FloatArray:
-            out = readings.copy()
+            out = np.array(readings)
             out[:, channel] = np.round(out[:, channel] / p["step"]) * p["step"]
             return out
 
