@@ -103,7 +103,7 @@ def _springs(span: PortSpan, role: Role, place: int, step_s: float) -> list[Port
         term(
             "cubic_spring",
             cubic,
-            (Parameter("value", over(span.port.unit, f"{unit}^3"), 0.0, *_cube(most, size), force / size**3),),
+            (Parameter("value", over(span.port.unit, f"{unit}^3"), 0.0, *_cube(10.0 * most, size), force / size**3),),
             "A spring hardens, or softens, with displacement.",
             "Add the cubic term to the spring of the model, or stay within smaller amplitudes.",
             _LOAD,
