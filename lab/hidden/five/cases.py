@@ -9,7 +9,7 @@ import numpy as np
 
 from lab.hidden.case import Case, Kind, Sizes, TrueCause, Truth
 from lab.hidden.five.acting import Hidden
-from lab.hidden.five.hidden import LOOK_ALIKES, NAMED, OUTSIDE
+from lab.hidden.five.hidden import LOOK_ALIKES, NAMED, OUTSIDE, mechanisms
 from lab.hidden.five.systems import SYSTEMS, Recorded, drawn
 
 RECORDING: Final = "recording.csv"
@@ -55,7 +55,7 @@ class PortedSystem:
     @property
     def SIZES(self) -> Mapping[str, Sizes]:
         """The range of each size."""
-        return {key: each.sizes for key, each in {**NAMED[self.name], **OUTSIDE[self.name]}.items()}
+        return {key: each.sizes for key, each in mechanisms(self.name).items()}
 
     @property
     def LOOK_ALIKES(self) -> tuple[tuple[str, ...], ...]:
@@ -89,12 +89,11 @@ def _hidden(case: Case) -> tuple[Hidden, tuple[TrueCause, ...]]:
     if case.kind is Kind.CLEAN:
         return Hidden(), ()
     (name,) = case.effects
-    known = NAMED[case.system].get(name)
-    mechanism = known or OUTSIDE[case.system][name]
+    mechanism = mechanisms(case.system)[name]
     rng = case.stream("hidden")
     size = mechanism.sizes.drawn(rng)
     constants = mechanism.draws(rng, size)
-    told = dict(constants) if known else {}
+    told = dict(constants) if name in NAMED[case.system] else {}
     return mechanism.makes(constants), (TrueCause(name, told, size, mechanism.sizes.unit),)
 
 

@@ -337,6 +337,11 @@ OUTSIDE: Final[Mapping[str, Mapping[str, Mechanism]]] = {
 """Likewise; by names that no library has."""
 
 
+def mechanisms(system: str) -> dict[str, Mechanism]:
+    """Return all that a system can hide, by name."""
+    return {**NAMED[system], **OUTSIDE[system]}
+
+
 def _with_port(port: str, *names: str) -> tuple[str, ...]:
     return tuple(f"{name}_at_{port}" for name in names)
 

@@ -1,13 +1,18 @@
-"""Delays of signals that jump, and inputs that reach further than what was fitted."""
+"""Delays and lags between samples, delays of signals that jump, inputs that reach further than what was fitted."""
 
 import numpy as np
+import pytest
 
 from discrepancy import explain
 from discrepancy.ports.declared import Act, Arrays, Port, Rows, Signal
 from discrepancy.ports.ode import Whole
+from discrepancy.ports.ranges import spans
 from discrepancy.ports.simulation import PortedSimulation
 from discrepancy.simulation import Channels, Parameter
+from lab.hidden.five.studied import CLEAN, studied
+from lab.undeclared.five_systems import simulation
 from messages.arrays import FloatArray
+from tests.bench.ported import RATE_HZ, sled
 
 STEP_S = 0.01
 GEAR = Port("gear", "N m", "the gear", (Signal("speed", "rad/s", "velocity"),))
@@ -48,3 +53,41 @@ def test_inputs_beyond_what_was_fitted_are_told() -> None:
     (note,) = verdict.notes
     assert note.startswith("the recording held out: claim_Nm: ")
     assert "beyond what was fitted" in note
+
+
+def _changed(name: str, key: str, value: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the times, what the sled's channel of an effect is without it, and what with it."""
+    whole = sled(3)
+    before, after = whole.predicted_many([{}, {f"{name}.{key}": value}])
+    place = whole.channels.names.index(name.partition("_of_")[2])
+    return whole.channels.t_s, before[:, place], after[:, place]
+
+
+def test_half_a_sample_late_is_late_and_not_smoothed() -> None:
+    _, before, after = _changed("delay_of_place_m", "value", 0.5 / RATE_HZ)
+    straight = 0.5 * (before[1:] + before[:-1])
+    beside = after[1:] - straight
+    bent = -np.diff(before, 2) / 8.0  # what a parabola is above its chord in the middle
+    assert np.corrcoef(beside[2:-1], bent[2:])[0, 1] > 0.99
+    assert np.std(beside[2:-1]) == pytest.approx(np.std(bent[2:]), rel=0.1)
+
+
+def test_a_lag_of_what_is_read_is_that_of_a_continuous_filter() -> None:
+    tau = 0.06
+    t_s, before, after = _changed("lag_of_place_m", "value", tau)
+    fine_s = np.linspace(0.0, t_s[-1], 64 * (len(before) - 1) + 1)
+    path = np.interp(fine_s, t_s, before)
+    step = fine_s[1] - fine_s[0]
+    slow = np.empty_like(path)
+    slow[0] = path[0]
+    for k in range(len(path) - 1):
+        slow[k + 1] = slow[k] + step / tau * (0.5 * (path[k] + path[k + 1]) - slow[k])
+    assert np.abs(after - slow[::64]).max() < 2e-3 * np.ptp(before)
+
+
+def test_a_held_input_bends_a_speed_at_each_sample_and_a_position_not() -> None:
+    def bent(system: str) -> frozenset[str]:
+        return spans(simulation(system, studied(system, CLEAN, 1), declared=True)).bent
+
+    assert bent("pendulum") == {"angle_rad"}
+    assert bent("motor") == set()
