@@ -191,7 +191,8 @@ def _bent(simulation: "PortedSimulation", values: Values) -> frozenset[str]:
     with np.errstate(invalid="ignore"):
         straight = ((there - 0.5 * (coarse[1:] + coarse[:-1])) ** 2).sum(axis=0)
         bent = [
-            np.sum((each - CubicSpline(whole, row)(between)) ** 2) for each, row in zip(there.T, coarse.T, strict=True)
+            np.sum((each - CubicSpline(whole, row)(between)) ** 2) if np.isfinite(row).all() else np.inf
+            for each, row in zip(there.T, coarse.T, strict=True)
         ]
     return frozenset(name for name, line, curve in zip(channels.names, straight, bent, strict=True) if curve < line)
 

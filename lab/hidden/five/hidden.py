@@ -86,37 +86,37 @@ def _reading(
     name: str, channel: int, unit: str, deviation: float, seconds: float, step_s: float, mean: float = 0.0
 ) -> dict[str, Mechanism]:
     """Return what may be wrong with a reading of about that deviation."""
-    longest = f"_of_{name}"
+    of = f"_of_{name}"
     return {
-        f"delay{longest}": Mechanism(
+        f"delay{of}": Mechanism(
             Sizes(0.1 * step_s, 4.0 * step_s, "s"), _value("value"), read_with_time(channel, late)
         ),
-        f"lag{longest}": Mechanism(Sizes(0.2 * step_s, 5.0 * step_s, "s"), _value("value"), read_slowly(channel)),
-        f"offset{longest}": Mechanism(
+        f"lag{of}": Mechanism(Sizes(0.2 * step_s, 5.0 * step_s, "s"), _value("value"), read_slowly(channel)),
+        f"offset{of}": Mechanism(
             Sizes(2e-2 * deviation, 0.4 * deviation, unit), _value("value", either=True), read(channel, offset)
         ),
-        f"drift{longest}": Mechanism(
+        f"drift{of}": Mechanism(
             Sizes(0.02 * deviation / seconds, deviation / seconds, f"{unit}/s"),
             _value("rate", either=True),
             read_with_time(channel, drift),
         ),
-        f"clock_drift{longest}": Mechanism(
+        f"clock_drift{of}": Mechanism(
             Sizes(0.3 * step_s / seconds, 6.0 * step_s / seconds, "s/s"),
             _value("rate"),
             read_with_time(channel, slow_clock),
         ),
-        f"tone{longest}": Mechanism(
+        f"tone{of}": Mechanism(
             Sizes(5e-3 * deviation, 0.1 * deviation, unit),
             _hum(0.06 / step_s, 0.3 / step_s),
             read_with_time(channel, tone),
         ),
-        f"saturation{longest}": Mechanism(
+        f"saturation{of}": Mechanism(
             Sizes(mean + 0.9 * deviation, mean + 1.6 * deviation, unit), _value("upper"), read(channel, saturation)
         ),
-        f"play{longest}": Mechanism(
+        f"play{of}": Mechanism(
             Sizes(0.02 * deviation, 0.3 * deviation, unit), _value("width"), read(channel, play)
         ),
-        f"quantisation{longest}": Mechanism(
+        f"quantisation{of}": Mechanism(
             Sizes(0.03 * deviation, 0.2 * deviation, unit), _value("step"), rounded(channel)
         ),
     }
