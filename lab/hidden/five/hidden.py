@@ -88,9 +88,7 @@ def _reading(
     """Return what may be wrong with a reading of about that deviation."""
     of = f"_of_{name}"
     return {
-        f"delay{of}": Mechanism(
-            Sizes(0.1 * step_s, 4.0 * step_s, "s"), _value("value"), read_with_time(channel, late)
-        ),
+        f"delay{of}": Mechanism(Sizes(0.1 * step_s, 4.0 * step_s, "s"), _value("value"), read_with_time(channel, late)),
         f"lag{of}": Mechanism(Sizes(0.2 * step_s, 5.0 * step_s, "s"), _value("value"), read_slowly(channel)),
         f"offset{of}": Mechanism(
             Sizes(2e-2 * deviation, 0.4 * deviation, unit), _value("value", either=True), read(channel, offset)
@@ -113,9 +111,7 @@ def _reading(
         f"saturation{of}": Mechanism(
             Sizes(mean + 0.9 * deviation, mean + 1.6 * deviation, unit), _value("upper"), read(channel, saturation)
         ),
-        f"play{of}": Mechanism(
-            Sizes(0.02 * deviation, 0.3 * deviation, unit), _value("width"), read(channel, play)
-        ),
+        f"play{of}": Mechanism(Sizes(0.02 * deviation, 0.3 * deviation, unit), _value("width"), read(channel, play)),
         f"quantisation{of}": Mechanism(
             Sizes(0.03 * deviation, 0.2 * deviation, unit), _value("step"), rounded(channel)
         ),
