@@ -69,6 +69,7 @@ def _ported() -> tuple[Effect, ...]:
         jumps=False,
         held=True,
         bent=frozenset(outputs),
+        lines=frozenset(),
     )
     return tuple(t.effect for t in terms_within(whole, channels) if not t.effect.name.endswith("_of_other_V"))
 

@@ -184,7 +184,7 @@ def _tone(place: int, channel: str, wide: float, whole: Spans) -> list[SignalTer
     spectrum = np.abs(fft.rfft((left - left.mean()) * np.hanning(len(left))))
     f_hz = fft.rfftfreq(len(left), whole.step_s)
     peaks = 1 + np.flatnonzero((spectrum[1:-1] > spectrum[:-2]) & (spectrum[1:-1] > spectrum[2:]))
-    peaks = peaks[peaks >= _PERIODS]
+    peaks = np.array([each for each in peaks if each >= _PERIODS and each not in whole.lines], dtype=np.intp)
     highest = peaks[np.argsort(-spectrum[peaks])[:_LINES]]
     if not len(highest):
         return []

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import fft
 from scipy.interpolate import CubicSpline
 
 from discrepancy.ports.acting import check_port
@@ -30,6 +31,8 @@ _PUSHED = 1e-3
 """Of what would move a system as much as it moves: a push that shows which way it goes."""
 _PUSHED_SAMPLES = 3
 """After which that is looked for: a position follows a force two integrations later."""
+_LINE, _BESIDE = 4.0, 2
+"""Times that a line of a tapered spectrum is above it so many bins to either side."""
 _MOVED: tuple[Role, ...] = ("velocity", "position", "level")
 """What a port may drive, that which follows first before others."""
 
@@ -76,7 +79,8 @@ class PortSpan:
 class Spans:
     """Of a whole recording: its ports, inputs and measured outputs by name, `step_s` between samples, `substep_s` of
     the integrator, its length, what the base model leaves of each output, whether it predicts one that `jumps`, whether
-    its inputs are `held` until the next sample, and which outputs go a `bent` way between samples.
+    its inputs are `held` until the next sample, which outputs go a `bent` way between samples, and at which bins of the
+    spectrum inputs have `lines`.
     """
 
     ports: tuple[PortSpan, ...]
@@ -89,6 +93,7 @@ class Spans:
     jumps: bool
     held: bool
     bent: frozenset[str]
+    lines: frozenset[int]
 
 
 class PortNotes:
@@ -140,6 +145,7 @@ def spans(simulation: "PortedSimulation") -> Spans:
         any(_jumps(row) for row in plain.predicted(fit.values).T),
         plain.model.held,
         _bent(plain, fit.values),
+        _lines(channels.inputs),
     )
 
 
@@ -195,6 +201,17 @@ def _bent(simulation: "PortedSimulation", values: Values) -> frozenset[str]:
             for each, row in zip(there.T, coarse.T, strict=True)
         ]
     return frozenset(name for name, line, curve in zip(channels.names, straight, bent, strict=True) if curve < line)
+
+
+def _lines(inputs: FloatArray) -> frozenset[int]:
+    """Return the bins at which an input (n, i) has a line of its own, or beside which: nothing tells a hum there from
+    what follows from it.
+    """
+    spectra = np.abs(fft.rfft((inputs - inputs.mean(axis=0)).T * np.hanning(len(inputs)), axis=1))
+    there = np.pad(spectra, ((0, 0), (_BESIDE, _BESIDE)))
+    around = np.maximum(there[:, : -2 * _BESIDE], there[:, 2 * _BESIDE :])
+    found = np.flatnonzero((spectra > _LINE * around).any(axis=0))
+    return frozenset(int(k + beside) for k in found for beside in (-1, 0, 1))
 
 
 Trace = Callable[[PortNotes], FloatArray]

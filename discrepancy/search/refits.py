@@ -18,6 +18,8 @@ _BASE_ROUNDS = 2
 """Fits of the base model, each whitened by what the one before left: the first whitening holds its misfit."""
 _OTHER_COLOUR = 0.01
 """Nats of log likelihood per sample by which the noise that a fit leaves must differ to be whitened by anew."""
+_STRANGE = 2.0
+"""χ² of a sample under a noise that a fit's residual is not of."""
 _BASE_STEPS, _RECOLOURED_STEPS = 3, 4
 """Steps of a fit that begins where it converged under another whitening."""
 _UNDONE = 0.65
@@ -218,13 +220,20 @@ class Refits:
         fell = float(np.sum(own(than.residual) ** 2) - np.sum(own(fit.residual) ** 2))
         return fell > price(fit.keys) - price(than.keys)
 
+    def deviance(self, fit: Fit) -> float:
+        """Return −2 log likelihood of a fit under the noise that its own residual tells."""
+        own = self._problem.whitening(fit.residual)
+        return own.log_det + float(np.sum(own(fit.residual) ** 2))
+
+    def strange(self, fits: Iterable[Fit]) -> bool:
+        """Return whether the present noise is that of none of the fits: then it tells nothing of which is better."""
+        return all(fit.chi2 > _STRANGE * self.white.count for fit in fits)
+
     def recoloured(self, best: Fit) -> Fit:
         """Whiten anew where the colour of what is left differs, and return the fit under it."""
-        own = self._problem.whitening(best.residual)
-        e_own, e_now = own(best.residual), self.white(best.residual)
-        told = own.log_det + float(np.sum(e_own**2))
-        now = self.white.log_det * own.count / self.white.count + float(np.sum(e_now**2))
-        if now - told < _OTHER_COLOUR * own.count:
+        count = self._problem.whitening(best.residual).count
+        now = self.white.log_det * count / self.white.count + float(np.sum(self.white(best.residual) ** 2))
+        if now - self.deviance(best) < _OTHER_COLOUR * count:
             return best
         columns = np.concatenate((self.library.columns, columns_of(self._problem, best.values, best.keys)))
         self._use(noise_beneath(self._problem, best.residual, columns, _RECOLOURING_ROUNDS))

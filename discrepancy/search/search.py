@@ -234,21 +234,33 @@ class Search:
         return [each for each in proposals if simplest_first(before, (best, each[0]), lambda fit: fit)[0] is not best]
 
     def _best_of(self, proposals: Sequence[Proposal], best: Fit, at_base: Products, least: float) -> Proposal | None:
-        """Return the best proposal, finished, if its gain on `best` is more than chance gives; else None."""
+        """Return the best proposal, finished, if its gain on `best` is more than chance gives; else None.
+
+        Where the noise beneath the library is that of none of them, all are finished and held against each other, each
+        under its own: slow misfit weighs next to nothing under one colour of noise, and all under another.
+        """
         refits = self.refits
         proposals = [(fit, causes) for fit, causes in proposals if all(refits.matters(fit, each) for each in causes)]
         leading: dict[frozenset[str], Proposal] = {}
         for fit, causes in sorted(proposals, key=lambda each: cost(each[0])):
             leading.setdefault(frozenset(each.effect for each in causes), (fit, causes))
-        first = list(leading.values())[:FINISHED]
-        fits = refits.finished_each([fit for fit, _ in first])
-        finished = [(fit, causes) for fit, (_, causes) in zip(fits, first, strict=True)]
-        for fit, causes in simplest_first(best, finished, lambda each: each[0]):
+        ranked = list(leading.values())
+        finished = self._finished(ranked[:FINISHED])
+        if refits.strange(fit for fit, _ in finished):
+            finished += self._finished(ranked[FINISHED:])
+            order = sorted(finished, key=lambda each: refits.deviance(each[0]) + price(each[0].keys))
+        else:
+            order = simplest_first(best, finished, lambda each: each[0])
+        for fit, causes in order:
             gain = (best.chi2 - fit.chi2) / inflation_of(at_base, causes, refits.library.base)
             pays = gain - (price(fit.keys) - price(best.keys)) > least
             if pays and refits.likelier(fit, best) and not refits.cancel(fit, causes):
                 return fit, causes
         return None
+
+    def _finished(self, proposals: Sequence[Proposal]) -> list[Proposal]:
+        fits = self.refits.finished_each([fit for fit, _ in proposals])
+        return [(fit, causes) for fit, (_, causes) in zip(fits, proposals, strict=True)]
 
     def _swapped(self, best: Fit, causes: tuple[Candidate, ...]) -> Proposal:
         """Return the causes, each replaced by a rival that fits better."""

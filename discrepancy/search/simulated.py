@@ -105,8 +105,7 @@ class SimulatedSearch:
 
     def rated(self, fit: Fit) -> float:
         """Return (2) of a fit as it is."""
-        own = self._problem.whitening(fit.residual)
-        return own.log_det + float(np.sum(own(fit.residual) ** 2)) + price(fit.keys)
+        return self._refits.deviance(fit) + price(fit.keys)
 
     def without(self, found: CauseSet, effect: str) -> CauseSet:
         """Return the set without one cause, fitted anew by the simulated error."""

@@ -1,5 +1,7 @@
 """The generic library: neutral is nothing, every effect does something, and a hidden one is found again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -73,6 +75,18 @@ def test_what_needs_a_signal_is_not_offered_without_it() -> None:
         "leak_at_tank",
         "overflow_at_tank",
     ]
+
+
+def test_a_hum_is_not_looked_for_where_an_input_has_a_line() -> None:
+    whole = sled(1)
+    t_s, force = whole.channels.t_s, whole.channels.inputs[:, 0]
+    hum = 0.1 * np.sin(2.0 * np.pi * 3.7 * t_s)
+    heard = replace(whole.channels, values=whole.channels.values + (0.2 * force + hum)[:, None])
+    (tone,) = (each for each in replace(whole, channels=heard).effects if each.name == "tone_of_place_m")
+    began_hz = [start["hz"] for start in tone.starts]
+    assert began_hz[0] == pytest.approx(3.7, abs=0.05)
+    for line_hz in (0.11, 0.23, 0.37, 0.61):
+        assert min(abs(each - line_hz) for each in began_hz) > 0.05
 
 
 def test_lost_samples_are_offered_where_neighbours_are_equal() -> None:
