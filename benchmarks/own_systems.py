@@ -12,75 +12,21 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 import gaiteyes
-from discrepancy.ports.acting import PortActs
 from lab.evaluation.measured.data_folder import data_folder
+from lab.evaluation.measured.emps import emps, residual_force
 
-_CHANNEL_HZ_DIVISOR = 20
-"""EMPS is recorded at 1 kHz and moves below 5 Hz: means of 20 samples hold all of it."""
-_FIRST = 20
-"""Samples of EMPS that tell where it begins."""
-_MOTOR_N_PER_V = 35.15065
 _TANK_STEP_S = 4.0
 _FITTED = 0.6
 """Of a log of the actuator."""
 _MOST_TORQUE_NM = 25.0
 """More than an AK80-9 gives in any moment."""
-_FORCE_HZ, _ORDER, _ENDS_S = 10.0, 4, 0.5
-"""Force and motion pass the same filter without delay before they are compared (Gautier 1997), but for the ends."""
 
-CARRIAGE = gaiteyes.Port(
-    "carriage",
-    "N",
-    "the carriage",
-    (gaiteyes.Signal("position", "m", "position"), gaiteyes.Signal("speed", "m/s", "velocity")),
-)
 TANKS = tuple(
     gaiteyes.Port(name, "V/s", f"the {name} tank", (gaiteyes.Signal("level", "V", "level"),))
     for name in ("upper", "lower")
 )
-
-
-def carriage(
-    state: gaiteyes.Rows, inputs: gaiteyes.Rows, values: gaiteyes.Arrays, act: gaiteyes.Act
-) -> tuple[gaiteyes.FloatArray, ...]:
-    position, speed = state
-    (drive,) = inputs
-    force = _MOTOR_N_PER_V * drive - values["viscous"] * speed - values["offset"] + act("carriage", position, speed)
-    return speed, force / values["mass"]
-
-
-def emps(path: Path, divisor: int = _CHANNEL_HZ_DIVISOR) -> gaiteyes.PortedSimulation:
-    whole = gaiteyes.Table.load(path)
-    begun = float(whole["qm"][:_FIRST].mean())
-    table = whole.thinned(divisor)
-    return gaiteyes.PortedSimulation(
-        "emps",
-        table.channels(["qm"], ["vir"], time="t"),
-        gaiteyes.Ode(start=(begun, 0.0), derivative=carriage, output=(0,), held=False),
-        (CARRIAGE,),
-        (
-            gaiteyes.Parameter("mass", "kg", neutral=95.0, low=20.0, high=300.0, scale=0.5),
-            gaiteyes.Parameter("viscous", "N s/m", neutral=200.0, low=0.0, high=2000.0, scale=1.0),
-            gaiteyes.Parameter("offset", "N", neutral=0.0, low=-50.0, high=50.0, scale=0.1),
-        ),
-    )
-
-
-def residual_force(path: Path, library: gaiteyes.PortedSimulation, values: gaiteyes.Values) -> float:
-    """Return by how much force and measured motion disagree under complete `values`, RMS in N: inverse dynamics."""
-    batch = emps(path, 1).like(library).batch([values])
-    rate_hz = 1.0 / batch.step_s
-    low_pass = butter(_ORDER, _FORCE_HZ, fs=rate_hz, output="sos")
-    position = sosfiltfilt(low_pass, gaiteyes.Table.load(path)["qm"])
-    speed = np.gradient(position, batch.step_s)
-    acts = PortActs(batch, batch.shape)
-    told = carriage((position[None], speed[None]), tuple(batch.inputs), batch.whole_values, acts)[1][0]
-    left = sosfiltfilt(low_pass, np.gradient(speed, batch.step_s) - told)
-    ends = round(_ENDS_S * rate_hz)
-    return float(values["mass"] * np.sqrt(np.mean(left[ends:-ends] ** 2)))
 
 
 def levels(

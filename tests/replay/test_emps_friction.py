@@ -2,8 +2,8 @@
 
 import pytest
 
-from benchmarks.own_systems import emps, residual_force
 from discrepancy import explain
+from lab.evaluation.measured.emps import emps, residual_force
 from tests.bench.data_folder import shared_data
 
 MASS_KG = 95.1
