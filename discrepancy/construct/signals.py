@@ -35,7 +35,7 @@ class _Noted:
 def signals_at_ports(simulation: PortedSimulation, values: Values) -> dict[str, list[FloatArray]]:
     """Return for each port its signals (n,) at complete `values`."""
     batch = simulation.batch([values])
-    model = simulation.model
+    model = simulation.stepped
     with np.errstate(all="ignore"):
         if isinstance(model, Ode):
             states, remembered = model.integrated(batch)

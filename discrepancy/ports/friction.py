@@ -29,6 +29,10 @@ _SLOW = (0.05, 0.15, 0.4)
 """Of a velocity's size: speeds at which a raised friction at low speed may fade."""
 _YIELDS = (0.05, 0.2)
 """Of a position's size: displacements within which a hysteretic force may build up."""
+_HARDER = 4.0
+"""Of the largest force otherwise: one that hardens is not reached, or that yields far beyond the travel."""
+_HARDENS = 3.0
+"""Of γ in (2), either way."""
 _FOLLOWS = 2.0
 """Samples in which a velocity is differentiated: with fewer the integrator would be unstable."""
 _SLOW_MOTION = "Move at several constant speeds both ways, from creeping to full speed, and plot force over speed."
@@ -148,9 +152,11 @@ def _inertia(span: PortSpan, place: int, speed: Span, step_s: float) -> PortTerm
 
 
 def _hysteresis(span: PortSpan, place: int) -> list[PortTerm]:
-    """Return a hysteretic force, −F z with Bouc's and Wen's z (n = 1, β = γ = ½; Wen 1976):
+    """Return a hysteretic force, −F z with Bouc's and Wen's z (n = 1, β = ½, α = 1; Wen 1976):
 
-    ż = (v − ½ |v| z − ½ v |z|) / x₀                                                                               (2)
+    ż = (v − ½ |v| z − γ v |z|) / x₀                                                                               (2)
+
+    With γ = ½ it yields at F; with γ < −½ it hardens as it is loaded, and loses what it does as it is unloaded.
     """
     at = span.port.place("position")
     if at is None:
@@ -159,7 +165,7 @@ def _hysteresis(span: PortSpan, place: int) -> list[PortTerm]:
 
     def hysteresis(signals: Rows, own: Rows, p: Arrays) -> tuple[FloatArray, Rows]:
         v, z = signals[place], own[0]
-        return -p["value"] * z, ((v - 0.5 * (np.abs(v) * z + v * np.abs(z))) / p["within"],)
+        return -p["value"] * z, ((v - 0.5 * np.abs(v) * z - p["softens"] * v * np.abs(z)) / p["within"],)
 
     unit = span.port.signals[at].unit
     return [
@@ -168,13 +174,15 @@ def _hysteresis(span: PortSpan, place: int) -> list[PortTerm]:
             "hysteresis",
             hysteresis,
             (
-                half("value", span.port.unit, span.size),
+                Parameter("value", span.port.unit, 0.0, 0.0, _HARDER * MOST * span.size, SHARE * span.size),
                 Parameter("within", unit, _YIELDS[0] * travel, 0.02 * travel, 2.0 * travel, 0.01 * travel),
+                Parameter("softens", "1", 0.5, -_HARDENS, _HARDENS, 0.02),
             ),
             "A force is missing that builds up with displacement and then yields: loading and unloading differ.",
             "Add a hysteretic (Bouc-Wen) element, or replace the part that creeps (rubber, cable, joint).",
             "Cycle slowly with several amplitudes: the loop of force over position does not depend on speed.",
-            starts=tuple({"within": share * travel} for share in _YIELDS),
+            choices=(("value", "within"), ("value", "within", "softens")),
+            starts=tuple({"within": share * travel, "softens": -1.0} for share in _YIELDS),
             memory=1,
         )
     ]

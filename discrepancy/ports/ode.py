@@ -31,13 +31,14 @@ class Ode:
     `derivative(state, inputs, values, act)`, and the `output`: which states, or `output(state, inputs, values, act)`.
 
     States and inputs come as rows to unpack, `angle, rate = state`; parameters as `values["inertia"]`. `steps` are
-    taken for each sample; `held` says whether an input keeps its value until the next sample.
+    taken for each sample; 0 leaves it to the simulation how many the model needs; `held` says whether an input keeps
+    its value until the next sample.
     """
 
     start: Start
     derivative: Equation
     output: Equation | Sequence[int]
-    steps: int = 1
+    steps: int = 0
     held: bool = True
 
     def outputs(self, batch: Batch) -> list[FloatArray]:
@@ -94,7 +95,8 @@ class Ode:
             act.own, act.begins = x[s:], True
             act.asked(lambda: self.derivative(x[:s], batch.inputs[:, :, :1], values, act))
         acts: dict[int, PortActs] = {}
-        h = batch.step_s / self.steps
+        steps = self.steps or 1
+        h = batch.step_s / steps
 
         def step(x: FloatArray, first: int) -> FloatArray:
             w = x.shape[2]
@@ -110,8 +112,8 @@ class Ode:
                 return out
 
             u = batch.inputs[:, :, first : first + w]
-            slope = 0.0 if self.held else (batch.inputs[:, :, first + 1 : first + w + 1] - u) / self.steps
-            for _ in range(self.steps):
+            slope = 0.0 if self.held else (batch.inputs[:, :, first + 1 : first + w + 1] - u) / steps
+            for _ in range(steps):
                 x = runge_kutta(rates, x, u, slope, h)
                 u = u + slope
             return x

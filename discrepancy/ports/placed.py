@@ -20,6 +20,10 @@ from messages.arrays import FloatArray
 
 _MATTERS = 0.02
 """Of a parameter's scale: less is of no matter to anybody, however surely it is there."""
+_DIFFERS = 0.05
+"""Likewise, at a port: the step of differentiation. A prediction may bend over the whole scale, and the model that is
+integrated is exact to far less.
+"""
 
 
 def at_port(
@@ -40,7 +44,8 @@ def at_port(
     """Return a term at a port, whose formula tells what drives its signals up: a port may count the other way."""
     port = span.port
     told = _told(f"At {port.words}", explanation)
-    effect = Effect(f"{name}_at_{port.name}", _sized(parameters), told, remedy, experiment, choices, starts)
+    smooth = tuple(replace(each, step=_DIFFERS * each.scale) for each in _sized(parameters))
+    effect = Effect(f"{name}_at_{port.name}", smooth, told, remedy, experiment, choices, starts)
     return PortTerm(
         port.name, effect, formula if span.along > 0.0 else _reversed(formula), memory, begun, elsewhere or {}
     )

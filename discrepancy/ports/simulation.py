@@ -16,6 +16,14 @@ from messages.arrays import FloatArray
 _MOST_SIDE_BY_SIDE = 32
 """Sets of parameters in one pass: more would not be faster, and take memory. Terms with memory have passes of their
 own, since their states are carried along in every set."""
+_STEPS = (1, 2, 4)
+"""To a sample: how many are tried where a model leaves them open, and twice the last."""
+_EXACT = 1e-3
+"""Of an output's deviation: what the integrator may be off by, a fraction of most sensors' noise."""
+_BETTER = 0.25
+"""Of an error: what is left of it with half as long steps, or they are not worth their time; a sixteenth, where all is
+smooth.
+"""
 
 
 @dataclass(frozen=True)
@@ -45,7 +53,30 @@ class PortedSimulation:
 
     def with_terms(self, terms: Sequence[Term]) -> "PortedSimulation":
         """Return the simulation with these terms as its library."""
-        return replace(self, terms=tuple(terms))
+        return replace(self, terms=tuple(terms), model=self.stepped)
+
+    @cached_property
+    def stepped(self) -> Ode | Whole:
+        """Return the model with the `steps` that it needs, if it leaves them open: half as long ones would change
+        no output by more than `_EXACT` of its deviation, or are hardly better, as where a model has kinks.
+        """
+        model = self.model
+        if not isinstance(model, Ode) or model.steps:
+            return model
+
+        def predicted(steps: int) -> FloatArray:
+            return replace(self, terms=(), model=replace(model, steps=steps)).predicted({})
+
+        off, before = np.inf, predicted(1)
+        for steps in _STEPS:
+            after = predicted(2 * steps)
+            last, off = off, _apart(before, after)
+            if off <= _EXACT:
+                return replace(model, steps=steps)
+            if off > _BETTER * last:
+                return replace(model, steps=steps // 2)
+            before = after
+        return replace(model, steps=2 * _STEPS[-1])
 
     def like(self, fitted: Simulation) -> "PortedSimulation":
         """Return the simulation with the library of the `fitted` one, whose sizes and constants its recording told."""
@@ -79,7 +110,7 @@ class PortedSimulation:
 
     def _side_by_side(self, sets: Sequence[Values]) -> FloatArray:
         k, n, c = len(sets), len(self.channels.t_s), len(self.channels.names)
-        outputs = self.model.outputs(self.batch(sets))
+        outputs = self.stepped.outputs(self.batch(sets))
         if len(outputs) != c:
             raise ValueError(f"{self.system}: the model returned {len(outputs)} outputs; expected {c}")
         return np.moveaxis(self._changed("output", self.channels.names, outputs, sets).reshape(c, k, n), 0, 2)
@@ -97,3 +128,13 @@ class PortedSimulation:
                 here = [signal[each.where] for signal in signals]
                 signals[place, each.where] = each.term.formula(here, self.channels, each.values)
         return signals
+
+
+def _apart(found: FloatArray, other: FloatArray) -> float:
+    """Return by how much two predictions (n, c) of all outputs differ at most, RMS, of the other's deviation; infinite
+    where one is not finite.
+    """
+    if not (np.isfinite(found).all() and np.isfinite(other).all()):
+        return np.inf
+    spread = np.maximum(other.std(axis=0), np.finfo(float).tiny)
+    return float((np.sqrt(np.mean((found - other) ** 2, axis=0)) / spread).max())

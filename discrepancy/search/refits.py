@@ -176,12 +176,19 @@ class Refits:
         return [each for _, each in begun.values()]
 
     def matters(self, fit: Fit, cause: Candidate) -> bool:
-        """Return whether a parameter of a cause is further from neutral than matters, or has no finite neutral."""
-        for key in cause.keys:
-            p = self._problem.parameters[key]
-            if not abs(self._problem.value(fit.values, key) - p.neutral) <= p.least:
-                return True
-        return False
+        """Return whether a cause changes what is predicted, and a parameter of it is further from neutral than matters,
+        or has no finite neutral.
+        """
+        problem = self._problem
+
+        def far(key: str) -> bool:
+            p = problem.parameters[key]
+            return not abs(problem.value(fit.values, key) - p.neutral) <= p.least
+
+        without = {key: value for key, value in fit.values.items() if key not in cause.keys}
+        return any(map(far, cause.keys)) and not np.array_equal(
+            problem.predicted(fit.values), problem.predicted(without), equal_nan=True
+        )
 
     def cancel(self, fit: Fit, causes: Sequence[Candidate]) -> bool:
         """Return whether two of the causes undo each other: together they change the prediction by less than two

@@ -23,8 +23,9 @@ class Table:
     columns: dict[str, FloatArray]
 
     @staticmethod
-    def load(path: Path) -> "Table":
+    def load(path: Path | str) -> "Table":
         """Read a CSV file, which may be gzipped: names in its first row, numbers below; raises UserError, one line."""
+        path = Path(path)
         names = [name for name in header_of(path) if name]
         values = read_columns(path, names)
         return Table(path, dict(zip(names, values.T, strict=True)))

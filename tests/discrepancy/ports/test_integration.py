@@ -48,6 +48,43 @@ def test_a_decay_is_the_exponential() -> None:
     assert np.allclose(found, np.exp(-0.05 * np.arange(400)), rtol=1e-6)
 
 
+def _ringing(per_s: float, steps: int = 0) -> simulation.PortedSimulation:
+    """Return an oscillator that rings `per_s` times a second, seen at 100 Hz."""
+    w2 = (2.0 * np.pi * per_s) ** 2
+
+    def rates(state: Rows, inputs: Rows, values: Arrays, _act: Act) -> tuple[FloatArray, ...]:
+        return state[1], w2 * (inputs[0] - state[0]) - 2.0 * values["damping"] * state[1]
+
+    t_s = np.arange(600) / 100.0
+    push = (t_s < 0.5).astype(np.float64)[:, None]
+    channels = Channels(t_s, np.zeros((600, 1)), ("place_m",), push, ("push_m",))
+    damping = Parameter("damping", "1/s", 1.0, 0.0, 10.0, 0.01)
+    model = Ode(start=(0.0, 0.0), derivative=rates, output=(0,), steps=steps)
+    return simulation.PortedSimulation("ringing", channels, model, (), (damping,))
+
+
+@pytest.mark.parametrize("per_s", [0.5, 4.0, 8.0, 12.0])
+def test_a_model_that_is_fast_has_as_many_steps_as_it_needs(per_s: float) -> None:
+    found, exact = (_ringing(per_s, steps).predicted({}) for steps in (0, 64))
+    assert np.sqrt(np.mean((found - exact) ** 2)) < 2e-3 * exact.std()
+    once = _ringing(per_s, 1).predicted({})
+    assert bool(np.sqrt(np.mean((once - exact) ** 2)) > 2e-3 * exact.std()) is (per_s > 4.0)
+
+
+def test_steps_are_no_more_than_asked_for_or_than_bring_anything() -> None:
+    def steps(each: simulation.PortedSimulation) -> int:
+        assert isinstance(each.stepped, Ode)
+        return each.stepped.steps
+
+    assert steps(_ringing(0.5)) == 1
+    assert steps(_ringing(12.0, 1)) == 1
+    kinks = replace(
+        MODEL, derivative=lambda x, u, p, act: (np.sign(np.sin(x[0] / 3e-4)), *derivative(x, u, p, act)[1:])
+    )
+    assert steps(replace(sled(1), model=kinks)) <= 2
+    assert steps(sled(1).with_terms(())) == steps(sled(1)) == 1
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(range(3)), st.floats(0.01, 1.0)), min_size=1, max_size=6))
 def test_many_sets_give_what_each_gives_alone(drawn: list[tuple[int, float]]) -> None:

@@ -13,6 +13,16 @@ def _leaving(problem: Problem, refits: Refits, residual: FloatArray) -> Fit:
     return refits.rated(Fit(problem.start(), residual, 0.0, ()))
 
 
+def test_what_changes_nothing_does_not_matter_however_far_its_parameters_are_from_neutral() -> None:
+    problem = Problem(sled(1))
+    refits = Refits(problem, ["dead_band_spring_at_sled"])
+    cause = next(each for each in refits.candidates if "dead_band_spring_at_sled.gap" in each.keys)
+    for value, matters in ((0.0, False), (0.5, True)):
+        told = {"dead_band_spring_at_sled.value": value, "dead_band_spring_at_sled.gap": 0.3}
+        fit = Fit({**refits.base.values, **told}, refits.base.residual, 0.0, cause.keys)
+        assert refits.matters(fit, cause) is matters
+
+
 def test_a_noise_that_is_of_no_fit_is_told_and_each_fit_has_the_likelihood_of_its_own() -> None:
     random = np.random.default_rng(11)
     problem = Problem(sled(1))

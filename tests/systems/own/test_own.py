@@ -100,7 +100,7 @@ def test_what_is_wrong_with_a_table_is_told(tmp_path: Path, text: str, line: str
 def test_a_table_is_read_gzipped_and_thinned_to_means(tmp_path: Path) -> None:
     path = tmp_path / "data.csv.gz"
     path.write_bytes(gzip.compress(b"t_s,a\n0,1\n1,3\n2,5\n3,7\n4,9\n"))
-    thin = Table.load(path).thinned(2)
+    thin = Table.load(str(path)).thinned(2)
     assert thin["a"].tolist() == [2.0, 6.0]
     assert thin["t_s"].tolist() == [0.5, 2.5]
     with pytest.raises(UserError, match="thinned by 0; expected 1 or more"):
