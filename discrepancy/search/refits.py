@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from discrepancy.evidence.whitening import White
+from discrepancy.evidence.whitening import White, unfiltered
 from discrepancy.problem import Problem
 from discrepancy.search.candidates import Candidate, library, noise_beneath
 from discrepancy.search.fit import MOST_STEPS, Fit, Fitter, base_fit, columns_of
@@ -36,17 +36,32 @@ T = TypeVar("T")
 def base_of(problem: Problem, begun: dict[str, float] | None = None) -> tuple[Fit, FloatArray]:
     """Return the base model's fit, whitened by its own residual, and its columns (q, c, n) there; `begun` where it is
     known about.
+
+    Elsewhere it is begun twice, under the noise that the starting values leave and under white noise, and the likelier
+    is taken: a model that is far off leaves so much that its colour hides which way it is off.
     """
     values = begun or problem.start()
     residual = problem.residual(values)
+    whites: list[White] = [problem.whitening(residual)]
+    if begun is None and problem.base:
+        whites.append(unfiltered(residual, problem.valid))
+    fits = [_base_fitted(problem, Fit(values, residual, 0.0, ()), white) for white in whites]
+    return min(fits, key=lambda each: deviance(problem, each[0]))
+
+
+def _base_fitted(problem: Problem, found: Fit, white: White) -> tuple[Fit, FloatArray]:
     columns = np.zeros((0, problem.c, problem.n))
-    white = problem.whitening(residual)
-    found = Fit(values, residual, 0.0, ())
     for _ in range(_BASE_ROUNDS if problem.base else 0):
         columns = columns_of(problem, found.values, problem.base)
         found = base_fit(problem, white, found.values, columns)
         white = problem.whitening(found.residual)
     return found, columns
+
+
+def deviance(problem: Problem, fit: Fit) -> float:
+    """Return −2 log likelihood of a fit under the noise that its own residual tells."""
+    own = problem.whitening(fit.residual)
+    return own.log_det + float(np.sum(own(fit.residual) ** 2))
 
 
 def price(keys: Sequence[str]) -> float:
@@ -229,8 +244,7 @@ class Refits:
 
     def deviance(self, fit: Fit) -> float:
         """Return −2 log likelihood of a fit under the noise that its own residual tells."""
-        own = self._problem.whitening(fit.residual)
-        return own.log_det + float(np.sum(own(fit.residual) ** 2))
+        return deviance(self._problem, fit)
 
     def strange(self, fits: Iterable[Fit]) -> bool:
         """Return whether the present noise is that of none of the fits: then it tells nothing of which is better."""

@@ -11,6 +11,8 @@ from discrepancy.ports.declared import Act, Arrays, Rows
 from discrepancy.ports.ranges import spans
 from discrepancy.ports.simulation import PortedSimulation
 from discrepancy.problem import Problem
+from discrepancy.search.refits import base_of
+from lab.hidden.five.acting import Hidden
 from lab.hidden.five.hidden import mechanisms
 from lab.hidden.five.systems import drawn
 from lab.undeclared.five_systems import simulation
@@ -75,3 +77,14 @@ def test_a_prediction_far_beyond_all_that_was_measured_is_lost() -> None:
     predicted = problem.predicted({})
     assert problem.lost(predicted) == 0.0
     assert problem.lost(1e9 * np.sign(predicted + 1e-9) * np.abs(problem.measured).max()) == 1.0
+
+
+def test_a_model_whose_starting_values_are_off_is_fitted_and_nothing_is_missing() -> None:
+    recorded = [drawn("pendulum", Hidden(), np.random.default_rng(7), np.random.default_rng(s)) for s in (16, 17)]
+    fit, other = (simulation("pendulum", each, declared=False, bare=False) for each in recorded)
+    far = {"weight": 1.45, "damping": 0.02}
+    begun = tuple(replace(p, neutral=far.get(p.name, p.neutral)) for p in fit.parameters)
+    fit, other = (replace(each, parameters=begun) for each in (fit, other))
+    base, _ = base_of(Problem(fit.with_terms(())))
+    assert base.values == pytest.approx({"inertia": 0.05, "damping": 0.08, "weight": 1.2}, rel=0.02)
+    assert explain(fit, other, seed=1).verdict.verdict == "nothing"
