@@ -68,9 +68,9 @@ def explain(
     told = _believed(_judged(recordings, found, _kept(recordings, search, found), seed))
     if told.judgement.after.adequate or told.judgement.good_enough:
         return _explained(told, search)
-    alone = bool(told.models.causes)
-    made = constructed(every.fit, every.held_out, every.names, found.base.values, seed, alone=alone)
-    if made is not None and made.suffices:
+    left = told.judgement.gain.held_out_nrmse_after if told.models.causes else None
+    made = constructed(every.fit, every.held_out, every.names, found.base.values, seed, left)
+    if made is not None and made.outdoes(left or 0.0):
         return _constructed(made, seed, told.notes)
     more: Together | None = None
     if ported(first) is not None and little_explained(recordings.fit, told.models):

@@ -24,6 +24,9 @@ from discrepancy.search.search import Found
 from discrepancy.simulation import Simulation
 from discrepancy.values import Neutral
 
+_FAR_LESS = 1.0 / 3.0
+"""Of the held-out error that named causes leave: one term that leaves less is nearer to what is there."""
+
 
 @dataclass(frozen=True)
 class Construction:
@@ -41,10 +44,13 @@ class Construction:
         """Return whether what it gains holds on the recordings held out."""
         return far_better(self.judgement.gain)
 
-    @property
-    def suffices(self) -> bool:
-        """Return whether a single cause leaves nothing to explain; of several, those of a library may be simpler."""
-        return len(self.models.causes) == 1 and self.judgement.after.adequate
+    def outdoes(self, left: float) -> bool:
+        """Return whether a single cause leaves nothing to explain, or far less of the held-out error than others do,
+        which is `left`; of several, those of a library may be simpler.
+        """
+        after = self.judgement.gain.held_out_nrmse_after
+        far_less = after is not None and after < _FAR_LESS * left
+        return len(self.models.causes) == 1 and (self.judgement.after.adequate or far_less)
 
     def alike(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
         """Return for each cause what fits as well in its place, with the rise of χ², and the rise of the best that does
@@ -73,12 +79,12 @@ def constructed(
     names: Sequence[str],
     base: dict[str, float],
     seed: int,
-    *,
-    alone: bool = False,
+    left: float | None = None,
 ) -> Construction | None:
     """Return what can be constructed beside the base model, fitted at `base`, judged; None where the simulation has no
     ports, or no term is found that lowers the misfit by more than chance. Terms are made from the first recording's
-    motion. `names` are those of all recordings. With `alone` it is one term that leaves nothing to explain, or None.
+    motion. `names` are those of all recordings. Where causes of the library leave a held-out error, `left`, it is one
+    term that outdoes them, or None.
     """
     wholes, others = ([each for each in map(ported, side) if each is not None] for side in (fit, held_out))
     if len(wholes) < len(fit) or len(others) < len(held_out):
@@ -88,11 +94,15 @@ def constructed(
     ports = Ports(wholes[0], at)
     effects = [each.name for each in fit[0].effects]
     task = _Task(wholes, others, names, ports, ports.terms(at), base, seed)
-    found = _by_formulas(task, effects, 1 if alone else MOST_TERMS)
-    if found is not None and found.holds and (found.suffices or not alone):
+
+    def told(made: Construction | None) -> bool:
+        return made is not None and made.holds and (left is None or made.outdoes(left))
+
+    found = _by_formulas(task, effects, MOST_TERMS if left is None else 1)
+    if told(found):
         return found
     curves = _learned(_Task(wholes, others, names, ports, ports.curves(at), base, seed))
-    return curves if curves is not None and curves.holds and (curves.suffices or not alone) else None
+    return curves if told(curves) else None
 
 
 @dataclass(frozen=True)

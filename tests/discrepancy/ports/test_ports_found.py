@@ -72,6 +72,14 @@ def test_one_term_that_leaves_nothing_stands_before_a_name_that_leaves_something
     assert not verdict.remainder.present
 
 
+def test_one_term_that_leaves_far_less_stands_before_a_name_that_leaves_much() -> None:
+    found = _explained("motor", "eddy_brake", {"c": 0.02}, 1)
+    assert found.verdict.verdict == "constructed"
+    after = found.verdict.gain.held_out_nrmse_after
+    assert after is not None
+    assert after < 0.01
+
+
 def test_a_prediction_far_beyond_all_that_was_measured_is_lost() -> None:
     problem = Problem(sled(1))
     predicted = problem.predicted({})
