@@ -16,6 +16,8 @@ from messages.arrays import FloatArray
 
 _BASE_ROUNDS = 2
 """Fits of the base model, each whitened by what the one before left: the first whitening holds its misfit."""
+_TRAPPED = 1.0
+"""Of −2 log likelihood for each sample: by so much a base fit may be worse than one that was begun otherwise."""
 _OTHER_COLOUR = 0.01
 """Nats of log likelihood per sample by which the noise that a fit leaves must differ to be whitened by anew."""
 _STRANGE = 2.0
@@ -37,16 +39,18 @@ def base_of(problem: Problem, begun: dict[str, float] | None = None) -> tuple[Fi
     """Return the base model's fit, whitened by its own residual, and its columns (q, c, n) there; `begun` where it is
     known about.
 
-    Elsewhere it is begun twice, under the noise that the starting values leave and under white noise, and the likelier
-    is taken: a model that is far off leaves so much that its colour hides which way it is off.
+    Elsewhere it is begun under the noise that the starting values leave, and under white noise, which is taken where it
+    ends far likelier: a model that is far off leaves so much that its colour hides which way it is off.
     """
     values = begun or problem.start()
-    residual = problem.residual(values)
-    whites: list[White] = [problem.whitening(residual)]
+    start = Fit(values, problem.residual(values), 0.0, ())
+    found, columns = _base_fitted(problem, start, problem.whitening(start.residual))
     if begun is None and problem.base:
-        whites.append(unfiltered(residual, problem.valid))
-    fits = [_base_fitted(problem, Fit(values, residual, 0.0, ()), white) for white in whites]
-    return min(fits, key=lambda each: deviance(problem, each[0]))
+        white = unfiltered(start.residual, problem.valid)
+        other, beside = _base_fitted(problem, start, white)
+        if deviance(problem, found) - deviance(problem, other) > _TRAPPED * white.count:
+            return other, beside
+    return found, columns
 
 
 def _base_fitted(problem: Problem, found: Fit, white: White) -> tuple[Fit, FloatArray]:
