@@ -178,7 +178,8 @@ def _hysteresis(span: PortSpan, place: int) -> list[PortTerm]:
                 Parameter("within", unit, _YIELDS[0] * travel, 0.02 * travel, 2.0 * travel, 0.01 * travel),
                 Parameter("softens", "1", 0.5, -_HARDENS, _HARDENS, 0.02),
             ),
-            "A force is missing that builds up with displacement and then yields: loading and unloading differ.",
+            "A force is missing that builds up with displacement and then yields (`softens` 0.5), or hardens (−0.5 and "
+            "below): loading and unloading differ.",
             "Add a hysteretic (Bouc-Wen) element, or replace the part that creeps (rubber, cable, joint).",
             "Cycle slowly with several amplitudes: the loop of force over position does not depend on speed.",
             choices=(("value", "within"), ("value", "within", "softens")),

@@ -20,8 +20,8 @@ _TRAPPED = 1.0
 """Of −2 log likelihood for each sample: by so much a base fit may be worse than one that was begun otherwise."""
 _OTHER_COLOUR = 0.01
 """Nats of log likelihood per sample by which the noise that a fit leaves must differ to be whitened by anew."""
-_STRANGE = 2.0
-"""χ² of a sample under a noise that a fit's residual is not of."""
+_UNLIKE = 2.0
+"""χ² of each sample, from which on the noise whitened by is not the one that a fit leaves."""
 _BASE_STEPS, _RECOLOURED_STEPS = 3, 4
 """Steps of a fit that begins where it converged under another whitening."""
 _UNDONE = 0.65
@@ -250,9 +250,9 @@ class Refits:
         """Return −2 log likelihood of a fit under the noise that its own residual tells."""
         return deviance(self._problem, fit)
 
-    def strange(self, fits: Iterable[Fit]) -> bool:
-        """Return whether the present noise is that of none of the fits: then it tells nothing of which is better."""
-        return all(fit.chi2 > _STRANGE * self.white.count for fit in fits)
+    def unlike_all(self, fits: Iterable[Fit]) -> bool:
+        """Return whether the noise whitened by is unlike what each of the fits leaves, and so tells none better."""
+        return all(fit.chi2 > _UNLIKE * self.white.count for fit in fits)
 
     def recoloured(self, best: Fit) -> Fit:
         """Whiten anew where the colour of what is left differs, and return the fit under it."""

@@ -246,7 +246,7 @@ class Search:
             leading.setdefault(frozenset(each.effect for each in causes), (fit, causes))
         ranked = list(leading.values())
         finished = self._finished(ranked[:FINISHED])
-        if refits.strange(fit for fit, _ in finished):
+        if refits.unlike_all(fit for fit, _ in finished):
             finished += self._finished(ranked[FINISHED:])
             order = sorted(finished, key=lambda each: refits.deviance(each[0]) + price(each[0].keys))
         else:

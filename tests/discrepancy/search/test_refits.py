@@ -27,7 +27,7 @@ def test_a_noise_that_is_of_no_fit_is_told_and_each_fit_has_the_likelihood_of_it
     random = np.random.default_rng(11)
     problem = Problem(sled(1))
     refits = Refits(problem, ["gain_of_force_N"])
-    assert not refits.strange([refits.base])
+    assert not refits.unlike_all([refits.base])
     shape = (problem.c, problem.n)
     beneath = np.cumsum(random.normal(0.0, 1e-3, shape), axis=1)
     refits.white = problem.whitening(beneath)
@@ -35,6 +35,6 @@ def test_a_noise_that_is_of_no_fit_is_told_and_each_fit_has_the_likelihood_of_it
     scatters = _leaving(problem, refits, random.normal(0.0, 8.5e-3, shape))
     assert np.sum(wanders.residual**2) > 10.0 * np.sum(scatters.residual**2)
     assert wanders.chi2 < scatters.chi2
-    assert refits.strange([wanders, scatters])
-    assert not refits.strange([wanders, _leaving(problem, refits, beneath)])
+    assert refits.unlike_all([wanders, scatters])
+    assert not refits.unlike_all([wanders, _leaving(problem, refits, beneath)])
     assert refits.deviance(scatters) < refits.deviance(wanders)
