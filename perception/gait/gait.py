@@ -1,6 +1,7 @@
 """The wearer's gait as the pipeline meets it: attitudes and the ankle's states in, the next foothold out."""
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -46,7 +47,7 @@ class Gait:
         self._middle_left_m = 0.5 * camera.X_RL.p_m[0] if isinstance(camera, StereoCalibration) else 0.0
         self._watch = GaitWatch(np.array(calibration.X_BE.p_m))
         self._stance = StanceGround()
-        self._bend, self._bend_ns = 0.0, 0
+        self._bends: deque[tuple[int, float]] = deque()
         self.side = side
 
     def add_ankle(self, state: AnkleState) -> None:
@@ -97,11 +98,12 @@ class Gait:
 
     def _bend_under(self, landing: Landing | None, t_ns: int, path: PathAhead) -> float:
         """Return the largest change of the slope that was seen beside the foothold of late: how near it is, no frame
-        tells well."""
-        found = 0.0 if landing is None else path.bend_near(landing.ahead_m, landing.left_m)
-        if found > self._bend or t_ns - self._bend_ns > _BEND_LASTS_NS:
-            self._bend, self._bend_ns = found, t_ns
-        return self._bend
+        tells well, and the last of a slope passes out of the picture before the foot is there."""
+        if landing is not None:
+            self._bends.append((t_ns, path.bend_near(landing.ahead_m, landing.left_m)))
+        while self._bends and t_ns - self._bends[0][0] > _BEND_LASTS_NS:
+            self._bends.popleft()
+        return max((bend for _, bend in self._bends), default=0.0)
 
 
 def _is_under(ground: GroundPlane, landing: Landing, path: PathAhead, kind: TerrainKind) -> bool:

@@ -18,7 +18,7 @@ from perception.ground.known_height import HeightDifference, KnownHeight
 from perception.ground.meter import GroundMeasurement, GroundMeter
 from perception.ground.plane import Plane
 from perception.ground.repetition import RepetitionWatch, heights_as_steep
-from perception.ground.surface_change import SurfaceChange, plane_under
+from perception.ground.surface_change import SurfaceChange, apart_cov, is_other_surface, plane_under
 from perception.ground.tracking import PlaneTracker, TrackingSettings
 from perception.ground.view_check import ViewCheck
 from perception.heading import heading
@@ -170,6 +170,8 @@ class GroundEstimator:
             reason = Reason.NOT_PLANAR if may_begin else Reason.UNCONFIRMED
             return self._invalid(frame, reason, measured.matched_share)
         plane, plane_cov = tracked
+        if path is not None:
+            plane_cov = plane_cov + apart_cov(plane, plane_cov, region, path)
         self._lasting_cov = measured.lasting_cov + self._view.covariance(plane, R_HC)
         ground = self._valid(frame, plane, plane_cov, R_HC, R_WH, rotation_cov_W_rad2, w_WB_B_radps, distance_scale)
         if v_W_mps is not None:
@@ -250,7 +252,9 @@ class GroundEstimator:
         self._region = aim.region
         if aim.reason is not Reason.NONE and not aim.passed:
             return aim
-        begins = expected is None and (aim.region.bounded or aim.passed)
+        begins = aim.region.bounded or aim.passed
+        if expected is not None:
+            begins = is_other_surface(expected, aim.region, path)
         if self._change.has_come(t_ns, aim.region, path) or begins:
             under = plane_under(aim.region, path)
             if under is None or (aim.passed and self._repetition.repeats(t_ns)):

@@ -7,6 +7,7 @@ import numpy as np
 from messages.arrays import FloatArray
 from perception.ground.plane import Plane
 from perception.ground.region import FootholdRegion
+from perception.ground.sole import about_middle
 from perception.terrain.path_ahead import PathAhead
 
 
@@ -38,8 +39,11 @@ class SurfaceChange:
 def plane_under(region: FootholdRegion, path: PathAhead) -> tuple[Plane, FloatArray] | None:
     """Return the plane that the path shows in the middle of a region, and the covariance (3, 3) of its (a, b, h).
 
-    It is that of one profile along the path, which tells nothing of the slope across.
+    It is that of one profile along the path, which tells nothing of the slope across. On rough ground no plane tells
+    how it lies under a foot.
     """
+    if path.rough:
+        return None
     along = math.tan(path.yaw_rad)
     u_m = region.ahead_m + region.left_m * along
     surface = path.known_at(u_m)
@@ -51,5 +55,41 @@ def plane_under(region: FootholdRegion, path: PathAhead) -> tuple[Plane, FloatAr
     return Plane((surface.slope, surface.slope * along), surface.slope * u_m - surface.at(u_m)), cov
 
 
+def is_other_surface(plane: Plane, region: FootholdRegion, path: PathAhead) -> bool:
+    """Return whether the path shows another surface than `plane` between the borders of a region."""
+    under = plane_under(region, path) if region.bounded else None
+    return under is not None and abs(_apart(plane, under[0], region)[1]) > region.step_m
+
+
+def apart_cov(plane: Plane, cov: FloatArray, region: FootholdRegion, path: PathAhead) -> FloatArray:
+    """Return the covariance (3, 3) of (a, b, h) by which a measured `plane`, of covariance `cov`, and the path's surface
+    there are apart where they contradict each other: which of them is the ground is open then.
+
+    What the slope along is off says as much of the one across, of which the path tells nothing.
+    """
+    under = plane_under(region, path)
+    if under is None:
+        return np.zeros((3, 3))
+    apart = _apart(plane, under[0], region)
+    to_place = _to_place(region)
+    apart_var = to_place @ (cov + under[1]) @ to_place.T
+    if apart @ np.linalg.solve(apart_var, apart) < _CONTRADICTS:
+        return np.zeros((3, 3))
+    cov_apart: FloatArray = about_middle(region, apart[0] ** 2 * np.eye(2)) + np.diag([0.0, 0.0, apart[1] ** 2])
+    return cov_apart
+
+
+def _apart(plane: Plane, under: Plane, region: FootholdRegion) -> FloatArray:
+    """Return by how much a plane slopes more ahead than the one `under` a region, and lies below it in the middle."""
+    apart: FloatArray = _to_place(region) @ (plane.abh - under.abh)
+    return apart
+
+
+def _to_place(region: FootholdRegion) -> FloatArray:
+    """Return the matrix (2, 3) that takes (a, b, h) to the slope ahead and the depth in the middle of a region."""
+    return np.array([[1.0, 0.0, 0.0], [-region.ahead_m, -region.left_m, 1.0]])
+
+
+_CONTRADICTS = 13.8  # χ² of two, of which 0.1 % exceed it
 _SLOPE_SD, _HEIGHT_SD_M = 0.03, 0.012
 """What a profile of the frame before may be off, beside what it states: matching is worse there than in the region."""

@@ -35,12 +35,16 @@ class PathAhead:
         return None if any(from_m < edge.distance_m < to_m for edge in self.edges) else before
 
     def is_one_surface(self, from_m: float, to_m: float, left_m: float) -> bool:
-        """Return whether one surface is seen to reach from one place to another, x of H where y is `left_m`."""
+        """Return whether one surface is seen to reach from one place to another, x of H where y is `left_m`.
+
+        As long as no edge tells how it is turned, the surface's end may be a turned one: to that side it ends nearer.
+        """
         across_m = left_m * math.tan(self.yaw_rad)
         surface = self.surface_at(from_m + across_m)
         if surface is None or surface is not self.surface_at(to_m + across_m):
             return False
-        return to_m + across_m < surface.to_m - _BESIDE_END_M
+        turned_m = 0.0 if self.edges else _MOST_TURNED * (_HALF_WIDTH_M + abs(left_m))
+        return to_m + across_m < surface.to_m - turned_m - _BESIDE_END_M
 
     def bend_near(self, x_m: float, left_m: float) -> float:
         """Return by how much the slope changes within `_BEND_REACH_M` of a place; 0 where it does not."""
@@ -95,4 +99,7 @@ _NEARLY_M = 0.06
 _BEND = 0.035
 _BEND_REACH_M = 0.3
 _BESIDE_END_M = 0.05
+_MOST_TURNED = 0.47  # tan 25°
+_HALF_WIDTH_M = 0.25
+"""Of the profile, which shows a surface as far as any part of it reaches."""
 _SAME_M = 0.12

@@ -25,22 +25,27 @@ from perception.terrain.surfaces import Surface
 
 
 class Roughness:
-    """Follows (1) from frame to frame; where most show too little of the path, nothing is known to be rough."""
+    """Follows (1) from frame to frame.
+
+    `rough_m` is how much the ground varies across the path, one σ; 0 where that is no more than noise. Where most
+    frames show too little of the path it stays what it was, for a second.
+    """
 
     def __init__(self) -> None:
         self._variances_m2: deque[float] = deque(maxlen=_FRAMES)
-
-    @property
-    def rough_m(self) -> float:
-        """Return how much the ground varies across the path, one σ; 0 where that is no more than noise."""
-        told_m2 = [each for each in self._variances_m2 if math.isfinite(each)]
-        if 2 * len(told_m2) <= len(self._variances_m2):
-            return 0.0
-        return math.sqrt(max(0.0, median(told_m2)))
+        self._untold = 0
+        self.rough_m = 0.0
 
     def add(self, points: PathPoints, profile: Profile, surfaces: Sequence[Surface], yaw_rad: float) -> None:
         """Take a frame's `points`, their `profile` along u = x + y tan(yaw) and the surfaces found in it."""
         self._variances_m2.append(variance_across_m2(points, profile, surfaces, yaw_rad))
+        told_m2 = [each for each in self._variances_m2 if math.isfinite(each)]
+        if 2 * len(told_m2) > len(self._variances_m2):
+            self._untold, self.rough_m = 0, math.sqrt(max(0.0, median(told_m2)))
+            return
+        self._untold += 1
+        if self._untold > _LASTS_FRAMES:
+            self.rough_m = 0.0
 
 
 def variance_across_m2(points: PathPoints, profile: Profile, surfaces: Sequence[Surface], yaw_rad: float) -> float:
@@ -91,3 +96,4 @@ _NOISE_OF_CELL = 0.65
 _NEAR_M = 0.08
 _TINY = 1e-9
 _FRAMES = 9
+_LASTS_FRAMES = 20

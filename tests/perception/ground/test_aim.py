@@ -11,7 +11,7 @@ from messages import Reason
 from perception.ground.aim import View, aimed
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane
-from perception.ground.surface_change import SurfaceChange, plane_under
+from perception.ground.surface_change import SurfaceChange, apart_cov, is_other_surface, plane_under
 from perception.ground.tracking import PlaneTracker, TrackingSettings
 from perception.terrain.edges import Edge
 from perception.terrain.path_ahead import PathAhead, moved
@@ -147,6 +147,39 @@ def test_the_plane_under_a_region_is_that_of_the_surface_there() -> None:
     assert found[0].height_m == pytest.approx(0.95)
     assert np.linalg.eigvalsh(found[1]).min() > 0.0
     assert plane_under(SETTINGS.region, PathAhead()) is None
+
+
+def test_an_edge_found_before_a_region_that_has_not_moved_makes_it_another_surface() -> None:
+    """Standing above stairs the region lies beyond the lip before the lip is known."""
+    path = flight(-0.17, shadow_m=0.05)
+    region = aimed(SETTINGS, (0.75, 0.0), path, VIEW).region
+    landing, tread = Plane((0.0, 0.0), 0.95), Plane((0.0, 0.0), 0.95 + 0.17)
+    assert is_other_surface(landing, region, path)
+    assert not is_other_surface(tread, region, path)
+    assert not is_other_surface(landing, SETTINGS.region, path)
+
+
+def test_a_plane_that_contradicts_the_path_is_as_uncertain_as_they_are_apart() -> None:
+    region, path, cov = SETTINGS.region, PathAhead(surfaces=(flat(0.3, 2.0, -0.95),)), 1e-6 * np.eye(3)
+    assert not apart_cov(Plane((0.01, 0.0), 0.95), cov, region, path).any()
+    steep = apart_cov(Plane((0.25, 0.0), 0.95 + 0.25 * region.ahead_m), cov, region, path)
+    assert np.sqrt(np.diag(steep)[:2]) == pytest.approx(0.25)
+    lower = apart_cov(Plane((0.0, 0.0), 1.15), cov, region, path)
+    assert math.sqrt(lower[2, 2]) == pytest.approx(0.2)
+
+
+def test_on_rough_ground_the_path_tells_no_plane() -> None:
+    path = PathAhead(surfaces=(flat(0.3, 2.0, -0.95),), rough=True)
+    assert plane_under(SETTINGS.region, path) is None
+    assert not apart_cov(Plane((0.2, 0.0), 0.95), 1e-6 * np.eye(3), SETTINGS.region, path).any()
+
+
+def test_a_surface_whose_end_may_be_turned_is_one_only_well_before_it() -> None:
+    surfaces = (flat(0.3, 2.0, -0.95),)
+    assert PathAhead(surfaces=surfaces).is_one_surface(0.7, 1.8, 0.0)
+    assert not PathAhead(surfaces=surfaces).is_one_surface(0.7, 1.9, 0.0)
+    assert not PathAhead(surfaces=surfaces).is_one_surface(0.7, 1.8, -0.3)
+    assert PathAhead((edge(2.0, -0.17),), surfaces).is_one_surface(0.7, 1.9, 0.0)
 
 
 def test_a_track_goes_on_from_a_known_surface_and_is_carried_where_it_is_not_seen() -> None:
