@@ -62,8 +62,8 @@ def is_other_surface(plane: Plane, region: FootholdRegion, path: PathAhead) -> b
 
 
 def apart_cov(plane: Plane, cov: FloatArray, region: FootholdRegion, path: PathAhead) -> FloatArray:
-    """Return the covariance (3, 3) of (a, b, h) by which a measured `plane`, of covariance `cov`, and the path's surface
-    there are apart where they contradict each other: which of them is the ground is open then.
+    """Return the covariance (3, 3) of (a, b, h) by which a measured `plane`, of covariance `cov`, and the path's
+    surface there are apart where they contradict each other: which of them is the ground is open then.
 
     What the slope along is off says as much of the one across, of which the path tells nothing.
     """
