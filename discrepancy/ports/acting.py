@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from discrepancy.ports.declared import Arrays, Elsewhere, Port, PortTerm, Rows, SignalTerm, Term
+from discrepancy.ports.trajectories import Trajectories
 from discrepancy.simulation import Effect, Values
 from messages.arrays import FloatArray, IntArray
 from messages.errors import UserError, unknown_name
@@ -65,7 +66,7 @@ class Batch:
     """What k predictions side by side are made from: samples `step_s` apart, inputs (i, k, n) and parameters (k,).
 
     `at_ports` are the terms that act, with `memory` states of their own together. `leaders` (k,) tell which set's
-    prediction each is near to, its own where none is.
+    prediction each is near to, its own where none is; `solved` keeps trajectories of `sets` of parameters.
     """
 
     step_s: float
@@ -75,6 +76,8 @@ class Batch:
     at_ports: tuple[PortActing, ...]
     memory: int
     leaders: IntArray
+    sets: tuple[Values, ...]
+    solved: Trajectories
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -97,7 +100,14 @@ class Batch:
             tuple(each for each in found if each is not None),
             self.memory,
             np.arange(len(rows)),
+            tuple(self.sets[row] for row in rows),
+            self.solved,
         )
+
+    @property
+    def layout(self) -> tuple[object, ...]:
+        """Return what tells whose states of their own lie where: how many there are, and of each effect the first."""
+        return self.memory, *((each.term.effect.name, each.own.start) for each in self.at_ports if each.term.memory)
 
 
 def at_ports(terms: Sequence[Term], sets: Sequence[Values]) -> tuple[tuple[PortActing, ...], int]:

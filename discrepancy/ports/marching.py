@@ -37,12 +37,12 @@ Step = Callable[[FloatArray, int], FloatArray]
 
 
 class Near(NamedTuple):
-    """Where Newton's method begins for k sets: states (s, l, n) that are solved, the slopes A (s, s, l, n - 1) of (2)
-    there, and which of the l each set is near to, (k,)."""
+    """Where Newton's method begins for k sets: states (s, l, n) that are solved, which of the l each set is near to,
+    (k,), and the slopes A (s, s, l, n - 1) of (2) there, where these are known."""
 
     path: FloatArray
-    slopes: FloatArray
     of: IntArray
+    slopes: FloatArray | None = None
 
     @classmethod
     def to(cls, path: FloatArray, step: Step, of: IntArray) -> "Near":
@@ -54,17 +54,19 @@ class Near(NamedTuple):
         for i in range(0, n - 1, w):
             x = path[:, :, i : min(i + w, n - 1)]
             slopes[:, :, :, i : i + w] = _slopes(step, x, step(x, i), i, size)
-        return cls(path, slopes, of)
+        return cls(path, of, slopes)
 
-    def window(self, first: int, w: int) -> tuple[FloatArray, FloatArray]:
-        """Return the states (s, k, w + 1) from a sample on, and the slopes (s, s, k, w)."""
-        return self.path[:, self.of, first : first + w + 1], self.slopes[:, :, self.of, first : first + w]
+    def window(self, first: int, w: int) -> tuple[FloatArray, FloatArray | None]:
+        """Return the states (s, k, w + 1) from a sample on, and the slopes (s, s, k, w) where they are known."""
+        slopes = None if self.slopes is None else self.slopes[:, :, self.of, first : first + w]
+        return self.path[:, self.of, first : first + w + 1], slopes
 
 
 def march(step: Step, begun: FloatArray, n: int, near: Near | None = None) -> FloatArray:
     """Return the states (s, k, n) of all samples from those `begun` (s, k) with; not finite where they diverged.
 
-    What they are `near` to is where the method begins: it then needs few rounds, and no slopes of its own.
+    What they are `near` to is where the method begins: it then needs few rounds, and no slopes of its own where those
+    are known.
     """
     s, k = begun.shape
     path = np.full((s, k, n), np.nan)
@@ -105,10 +107,10 @@ def _window(
     w: int,
     size: FloatArray,
     alive: BoolArray,
-    guess: tuple[FloatArray, FloatArray] | None,
+    guess: tuple[FloatArray, FloatArray | None] | None,
 ) -> FloatArray | None:
     """Return the states (s, k, w) of the samples after `first`, or None where the method does not converge for those
-    sets that are `alive`. A `guess` is of the states, with `before` (s, k), and of the slopes there.
+    sets that are `alive`. A `guess` is of the states, with `before` (s, k), and of the slopes there, if known.
     """
     slope: FloatArray | None = None
     if guess is None:
@@ -116,7 +118,8 @@ def _window(
     else:
         x, slope = guess
         x[:, :, 0] = before
-        slope[:, :, ~alive] = 0.0
+        if slope is not None:
+            slope[:, :, ~alive] = 0.0
     far = np.inf
     for _ in range(_ROUNDS):
         there = step(x[:, :, :-1], first)

@@ -69,7 +69,8 @@ class Ode:
         first = batch if leads.all() else batch.only(np.flatnonzero(leads))
         step, begun = self._stepping(first)
         with np.errstate(all="ignore"):
-            path = march(step, begun, n)
+            path = march(step, begun, n, first.solved.near(first.layout, first.sets, begun, n))
+            first.solved.keep(first.layout, first.sets, path)
             if not leads.all():
                 rest = np.flatnonzero(~leads)
                 near = Near.to(path, step, (np.cumsum(leads) - 1)[batch.leaders[rest]])

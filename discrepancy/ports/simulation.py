@@ -10,6 +10,7 @@ from discrepancy.ports.acting import Batch, Named, at_ports, leaders, on_signals
 from discrepancy.ports.declared import Port, Term
 from discrepancy.ports.generic import generic_terms
 from discrepancy.ports.ode import Ode, Whole
+from discrepancy.ports.trajectories import Trajectories
 from discrepancy.simulation import Channels, Effect, Parameter, Simulation, Values
 from messages.arrays import FloatArray
 
@@ -106,7 +107,31 @@ class PortedSimulation:
         inputs = self._changed("input", self.channels.input_names, list(self.channels.inputs.T), sets)
         found, memory = at_ports(self.library, sets)
         values = Named({p.name: np.array([each.get(p.name, p.neutral) for each in sets]) for p in self.parameters})
-        return Batch(1.0 / self.channels.rate_hz, inputs, values, self.ports, found, memory, leaders(sets))
+        return Batch(
+            1.0 / self.channels.rate_hz,
+            inputs,
+            values,
+            self.ports,
+            found,
+            memory,
+            leaders(sets),
+            tuple(self._chosen(each) for each in sets),
+            self._solved,
+        )
+
+    @cached_property
+    def _solved(self) -> Trajectories:
+        return Trajectories()
+
+    @cached_property
+    def _neutral(self) -> dict[str, float]:
+        """Return the neutral value of each effect's parameter."""
+        return {effect.qualified(p.name): p.neutral for effect in self.effects for p in effect.parameters}
+
+    def _chosen(self, values: Values) -> dict[str, float]:
+        """Return the model's own parameters, and those of effects that are not neutral."""
+        own = {p.name: values.get(p.name, p.neutral) for p in self.parameters}
+        return own | {key: values[key] for key, neutral in self._neutral.items() if values.get(key, neutral) != neutral}
 
     def _side_by_side(self, sets: Sequence[Values]) -> FloatArray:
         k, n, c = len(sets), len(self.channels.t_s), len(self.channels.names)

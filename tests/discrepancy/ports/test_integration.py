@@ -1,5 +1,6 @@
 """The integrator: exact where the answer is known, the same for one set of parameters as for many, and as a loop."""
 
+import pickle
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -8,10 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from discrepancy.ports import marching, simulation
+from discrepancy.ports import marching, simulation, trajectories
 from discrepancy.ports.acting import Batch, Named, leaders
 from discrepancy.ports.declared import Act, Arrays, PortTerm, Rows, Signal, SignalTerm
 from discrepancy.ports.ode import Ode, Whole
+from discrepancy.ports.trajectories import Trajectories
 from discrepancy.simulation import Channels, Effect, Parameter
 from messages.arrays import FloatArray
 from messages.errors import UserError
@@ -43,7 +45,7 @@ TERMS = (
 
 def test_a_decay_is_the_exponential() -> None:
     decay = Ode(start=(1.0,), derivative=lambda state, *_: (-0.5 * state[0],), output=(0,))
-    batch = Batch(0.1, np.zeros((0, 1, 400)), Named(), (), (), 0, np.arange(1))
+    batch = Batch(0.1, np.zeros((0, 1, 400)), Named(), (), (), 0, np.arange(1), ({},), Trajectories())
     found = decay.outputs(batch)[0][0]
     assert np.allclose(found, np.exp(-0.05 * np.arange(400)), rtol=1e-6)
 
@@ -124,8 +126,47 @@ def test_what_begins_near_is_the_same_and_takes_fewer_evaluations(monkeypatch: p
     taken = sum(asked)
     asked.clear()
     monkeypatch.setattr(simulation, "leaders", lambda sets: np.arange(len(sets)))
-    assert np.allclose(near, whole.predicted_many(sets), rtol=1e-9, atol=1e-9)
+    assert np.allclose(near, replace(whole).predicted_many(sets), rtol=1e-9, atol=1e-9)
     assert taken < 0.8 * sum(asked)
+
+
+def test_what_was_solved_near_is_begun_with_and_changes_nothing() -> None:
+    asked: list[int] = []
+
+    def counting(state: Rows, inputs: Rows, values: Arrays, act: Act) -> tuple[FloatArray, ...]:
+        asked.append(state[0].size)
+        return derivative(state, inputs, values, act)
+
+    whole = replace(sled(1, 300, TERMS), model=replace(MODEL, derivative=counting))
+    begun, next_to = ({"lagged.value": 0.4, "rubbed.value": value} for value in (0.7, 0.72))
+    whole.predicted(begun)
+    asked.clear()
+    near = whole.predicted(next_to)
+    taken = sum(asked)
+    asked.clear()
+    assert np.allclose(near, replace(whole).predicted(next_to), rtol=1e-9, atol=1e-9)
+    assert taken < 0.8 * sum(asked)
+    assert not pickle.loads(pickle.dumps(whole._solved)).near((), [begun], np.zeros((1, 1)), 300)
+
+
+def test_trajectories_are_kept_as_far_as_there_is_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    solved, path = Trajectories(), np.ones((2, 1, 100))
+    monkeypatch.setattr(trajectories, "_MOST_BYTES", 3 * path.nbytes)
+    for name in "abcd":
+        solved.keep((), [{name: 1.0}], path)
+    assert [solved.near((), [{name: 1.1}], np.zeros((2, 1)), 100) is not None for name in "abcd"] == [
+        False,
+        True,
+        True,
+        True,
+    ]
+    for value in range(9):
+        solved.keep((), [{"d": float(value)}], value * path)
+    found = solved.near((), [{"d": 7.9}, {"unknown": 1.0}], np.full((2, 2), 5.0), 100)
+    assert found is not None
+    assert (found.path[0, 0, 0], found.path[0, 1, 0]) == (8.0, 5.0)
+    solved.keep((), [{"e": 1.0}], np.nan * path)
+    assert solved.near((), [{"e": 1.0}], np.zeros((2, 1)), 100) is None
 
 
 def test_a_set_that_diverges_leaves_the_others_alone() -> None:
@@ -140,7 +181,7 @@ def test_inputs_go_straight_to_the_next_sample_where_they_are_not_held() -> None
     ramp = np.broadcast_to(np.arange(n) * step_s, (1, 1, n))
     for held, at_once in ((True, step_s / 2.0), (False, 0.0)):
         follow = Ode(start=(0.0,), derivative=lambda _, inputs, *__: (inputs[0],), output=(0,), held=held)
-        found = follow.outputs(Batch(step_s, ramp, Named(), (), (), 0, np.arange(1)))[0][0]
+        found = follow.outputs(Batch(step_s, ramp, Named(), (), (), 0, np.arange(1), ({},), Trajectories()))[0][0]
         t_s = np.arange(n) * step_s
         assert np.allclose(found, 0.5 * t_s**2 - at_once * t_s)
 
