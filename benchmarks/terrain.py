@@ -67,7 +67,6 @@ def _foothold(told: NextFoothold, ground: GroundPlane) -> Foothold | None:
     if landing and not math.isfinite(told.height_m):
         ground = msgspec.structs.replace(ground, height_m=math.nan)
     ahead_m, left_m = (told.ahead_m, told.left_m) if landing else (ground.ahead_m, ground.left_m)
-    slope_sd_rad = told.slope_sagittal_sd_rad if landing else math.sqrt(ground.covariance[0])
     place = np.array([-ahead_m, -left_m, 1.0])
     cov = full_matrix(ground.covariance)
     slopes = np.array([math.tan(ground.slope_sagittal_rad), math.tan(ground.slope_frontal_rad), ground.height_m])
@@ -77,9 +76,9 @@ def _foothold(told: NextFoothold, ground: GroundPlane) -> Foothold | None:
         height_m=float(place @ slopes),
         height_sd_m=math.sqrt(max(float(place @ cov @ place), 0.0)) if ground.status is Status.VALID else math.nan,
         slope_sagittal_rad=ground.slope_sagittal_rad,
-        slope_sagittal_sd_rad=slope_sd_rad,
+        slope_sagittal_sd_rad=told.slope_sagittal_sd_rad if landing else math.sqrt(cov[0, 0]),
         slope_frontal_rad=ground.slope_frontal_rad,
-        slope_frontal_sd_rad=math.sqrt(cov[1, 1]),
+        slope_frontal_sd_rad=told.slope_frontal_sd_rad if landing else math.sqrt(cov[1, 1]),
         time_to_contact_s=told.time_to_contact_s,
     )
 

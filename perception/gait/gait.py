@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -16,6 +16,7 @@ from messages import (
     Status,
     StereoCalibration,
     Terrain,
+    TerrainEdge,
     TerrainKind,
     UnitCalibration,
     full_matrix,
@@ -26,7 +27,7 @@ from perception.gait.landing import Landing, next_landing, off_edges
 from perception.gait.stance import GroundHeight, StanceGround
 from perception.gait.watch import GaitWatch
 from perception.heading import heading
-from perception.terrain.path_ahead import PathAhead
+from perception.terrain.path_ahead import MOST_TURNED, PathAhead
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class Gait:
 
     def with_foothold(self, terrain: Terrain, steps: NextSteps, ground: GroundPlane, path: PathAhead) -> Terrain:
         """Return `terrain` with the foothold of the same frame, where it is valid."""
-        ground, bend = self._under(steps.prosthetic, ground, path, terrain.kind)
+        ground, bend = self._under(steps.prosthetic, ground, path, terrain.kind, terrain.edges)
         level_m = self._watch.trail.height_at_m(ground.t_exposure_ns)
         height = _height_on(ground, steps.prosthetic, level_m)
         self._stance.add(self.side, steps.prosthetic, height)
@@ -89,10 +90,15 @@ class Gait:
         return _foothold(self.side, steps.prosthetic, ground, bend, (math.nan, math.nan))
 
     def _under(
-        self, landing: Landing | None, ground: GroundPlane, path: PathAhead, kind: TerrainKind
+        self,
+        landing: Landing | None,
+        ground: GroundPlane,
+        path: PathAhead,
+        kind: TerrainKind,
+        edges: Sequence[TerrainEdge] = (),
     ) -> tuple[GroundPlane, float]:
         """Return `ground`, invalid where it is not that under the foot, and the bend beside it."""
-        if landing is not None and not _is_under(ground, landing, path, kind):
+        if landing is not None and not _is_under(ground, landing, path, kind, edges):
             ground = msgspec.structs.replace(ground, status=Status.INVALID)
         return ground, self._bend_under(landing, ground.t_exposure_ns, path)
 
@@ -106,12 +112,18 @@ class Gait:
         return max((bend for _, bend in self._bends), default=0.0)
 
 
-def _is_under(ground: GroundPlane, landing: Landing, path: PathAhead, kind: TerrainKind) -> bool:
-    """Return whether the plane that was measured is seen to be that of the place where a foot lands; on rough ground
-    no plane reaches far."""
-    near = abs(landing.ahead_m - ground.ahead_m) < _BESIDE_M
-    even = kind is not TerrainKind.ROUGH
-    return near or (even and path.is_one_surface(ground.ahead_m, landing.ahead_m, landing.left_m))
+def _is_under(
+    ground: GroundPlane, landing: Landing, path: PathAhead, kind: TerrainKind, edges: Sequence[TerrainEdge]
+) -> bool:
+    """Return whether the plane that was measured is seen to be that of the place where a foot lands: none of the
+    `edges` of the same frame, nor an end of the surface, lies in between. On rough ground no plane reaches far."""
+    from_m, to_m = sorted((ground.ahead_m, landing.ahead_m))
+    at_m = (edge.distance_m - landing.left_m * math.tan(edge.yaw_rad) for edge in edges)
+    if any(from_m < each < to_m for each in at_m):
+        return False
+    if to_m - from_m < _BESIDE_M:
+        return not path.ends_between(from_m, to_m, landing.left_m)
+    return kind is not TerrainKind.ROUGH and path.is_one_surface(ground.ahead_m, landing.ahead_m, landing.left_m)
 
 
 def _height_on(ground: GroundPlane, landing: Landing | None, level_m: float) -> GroundHeight | None:
@@ -140,7 +152,8 @@ def _foothold(
 ) -> NextFoothold:
     """Return the foothold of a `landing` on the `ground` of the same frame; `rise`, m, comes with its deviation.
 
-    Beside a `bend`, a change of the slope, the slope is as uncertain as that.
+    Beside a `bend`, a change of the slope, the slope is as uncertain as that, and as it may be turned so is the one
+    across.
 
     Without a landing nothing of it is known, without valid ground nothing of that.
     """
@@ -163,7 +176,7 @@ def _foothold(
         slope_sagittal_rad=ground.slope_sagittal_rad,
         slope_sagittal_sd_rad=math.hypot(slope_sagittal_sd_rad, 0.5 * bend),
         slope_frontal_rad=ground.slope_frontal_rad,
-        slope_frontal_sd_rad=slope_frontal_sd_rad,
+        slope_frontal_sd_rad=math.hypot(slope_frontal_sd_rad, 0.5 * MOST_TURNED * bend),
         height_m=ground.height_m,
         height_sd_m=height_sd_m,
         rise_m=rise[0],
@@ -172,6 +185,6 @@ def _foothold(
 
 
 _BESIDE_M = 0.15
-_BEND_LASTS_NS = 600_000_000
+_BEND_LASTS_NS = 1_200_000_000
 _PROFILE_SD_M = 0.005
 """What the profile's heights are off together, 1 σ, beside what each states."""

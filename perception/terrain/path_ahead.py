@@ -43,8 +43,14 @@ class PathAhead:
         surface = self.surface_at(from_m + across_m)
         if surface is None or surface is not self.surface_at(to_m + across_m):
             return False
-        turned_m = 0.0 if self.edges else _MOST_TURNED * (_HALF_WIDTH_M + abs(left_m))
+        turned_m = 0.0 if self.edges else MOST_TURNED * (_HALF_WIDTH_M + abs(left_m))
         return to_m + across_m < surface.to_m - turned_m - _BESIDE_END_M
+
+    def ends_between(self, from_m: float, to_m: float, left_m: float) -> bool:
+        """Return whether the surface at the nearer of two places, x of H where y is `left_m`, ends before the other."""
+        across_m = left_m * math.tan(self.yaw_rad)
+        surface = self.surface_at(from_m + across_m)
+        return surface is not None and from_m + across_m < surface.to_m < to_m + across_m
 
     def bend_near(self, x_m: float, left_m: float) -> float:
         """Return by how much the slope changes within `_BEND_REACH_M` of a place; 0 where it does not."""
@@ -95,11 +101,12 @@ def _reaching(surfaces: Sequence[Surface], u_m: float) -> Surface | None:
     return min(near, key=lambda s: max(s.from_m - u_m, u_m - s.to_m), default=None)
 
 
+MOST_TURNED = 0.47
+"""tan 25°: so far an edge or a bend is taken to be turned that nothing tells of."""
 _NEARLY_M = 0.06
 _BEND = 0.035
 _BEND_REACH_M = 0.3
 _BESIDE_END_M = 0.05
-_MOST_TURNED = 0.47  # tan 25°
 _HALF_WIDTH_M = 0.25
 """Of the profile, which shows a surface as far as any part of it reaches."""
 _SAME_M = 0.12

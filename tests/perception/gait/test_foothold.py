@@ -1,10 +1,22 @@
-"""What the foothold says of the ground beside a change of the slope."""
+"""What the foothold says of the ground: beside a change of the slope, and beyond the surface that was measured."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from messages import GroundPlane, Reason, Side, Status, TerrainKind, upper_triangle
+from messages import (
+    GroundPlane,
+    NextFoothold,
+    Reason,
+    Side,
+    Status,
+    Terrain,
+    TerrainEdge,
+    TerrainKind,
+    upper_triangle,
+)
 from perception.gait.gait import Gait, NextSteps
 from perception.gait.landing import Landing
 from perception.terrain.path_ahead import PathAhead
@@ -18,31 +30,69 @@ RAMP_TO_LEVEL = PathAhead(surfaces=(Surface(0.3, 0.9, 0.6, -0.87, -0.1, 0.001, 0
 LEVEL_ALONE = PathAhead(surfaces=(LEVEL,))
 
 
+def ground_at(frame: int, height_m: float = 0.9, ahead_m: float = 0.8) -> GroundPlane:
+    return GroundPlane(
+        t_exposure_ns=frame * FRAME_NS,
+        frame_seq=frame,
+        status=Status.VALID,
+        reason=Reason.NONE,
+        slope_sagittal_rad=0.0,
+        slope_frontal_rad=0.0,
+        height_m=height_m,
+        covariance=upper_triangle(1e-8 * np.eye(3)),
+        ahead_m=ahead_m,
+        matched_share=1.0,
+        inlier_share=1.0,
+        disparity_noise_px=0.1,
+        calibration_id="",
+    )
+
+
+def gait() -> Gait:
+    return Gait(SimulatedWearer(1, scenario("level"), 0).calibration, np.eye(3), Side.RIGHT)
+
+
+def landing_at(ahead_m: float) -> NextSteps:
+    return NextSteps(Landing(ahead_m, 0.03, 0.0, 0.02, 0.4, 0.02, 0.6))
+
+
 def test_a_bend_that_has_passed_out_of_the_picture_is_told_until_the_foot_is_there() -> None:
-    wearer = SimulatedWearer(1, scenario("level"), 0)
-    gait = Gait(wearer.calibration, np.eye(3), Side.RIGHT)
+    walk = gait()
 
-    def slope_sd_rad(frame: int, path: PathAhead) -> float:
-        ground = GroundPlane(
-            t_exposure_ns=frame * FRAME_NS,
-            frame_seq=frame,
-            status=Status.VALID,
-            reason=Reason.NONE,
-            slope_sagittal_rad=0.0,
-            slope_frontal_rad=0.0,
-            height_m=0.9,
-            covariance=upper_triangle(1e-8 * np.eye(3)),
-            ahead_m=0.8,
-            matched_share=1.0,
-            inlier_share=1.0,
-            disparity_noise_px=0.1,
-            calibration_id="",
-        )
-        landing = Landing(0.8, 0.03, 0.0, 0.02, 0.4, 0.02, 0.6)
-        return gait.foothold(NextSteps(landing), ground, path, TerrainKind.LEVEL).slope_sagittal_sd_rad
+    def slopes_sd_rad(frame: int, path: PathAhead) -> tuple[float, float]:
+        told = walk.foothold(landing_at(0.8), ground_at(frame), path, TerrainKind.LEVEL)
+        return told.slope_sagittal_sd_rad, told.slope_frontal_sd_rad
 
-    beside = [slope_sd_rad(frame, RAMP_TO_LEVEL) for frame in range(20)]
-    after = [slope_sd_rad(frame, LEVEL_ALONE) for frame in range(20, 40)]
-    assert math.isclose(min(beside), 0.05, rel_tol=1e-3)
-    assert math.isclose(after[10], 0.05, rel_tol=1e-3)
-    assert after[-1] < 1e-3
+    beside = [slopes_sd_rad(frame, RAMP_TO_LEVEL) for frame in range(20)]
+    after = [slopes_sd_rad(frame, LEVEL_ALONE) for frame in range(20, 50)]
+    for along, across in (*beside, after[20]):
+        assert math.isclose(along, 0.05, rel_tol=1e-3)
+        assert math.isclose(across, 0.47 * 0.05, rel_tol=1e-3)
+    assert max(after[-1]) < 1e-3
+
+
+@pytest.mark.parametrize(("edge_m", "known"), [(0.75, False), (0.95, True), (None, True)])
+def test_no_height_is_told_beyond_an_edge_that_the_frame_itself_shows(edge_m: float | None, known: bool) -> None:
+    edges = () if edge_m is None else (TerrainEdge(edge_m, 0.01, -0.18, 0.005, False, 0.0),)
+    terrain = Terrain(
+        t_exposure_ns=0,
+        frame_seq=0,
+        status=Status.VALID,
+        reason=Reason.NONE,
+        kind=TerrainKind.LEVEL,
+        probability=1.0,
+        edges=edges,
+        obstacles=(),
+        foothold=NextFoothold.unknown(Side.RIGHT),
+        calibration_id="",
+    )
+    path = PathAhead(surfaces=(replace(LEVEL, from_m=0.3),))
+    told = gait().with_foothold(terrain, landing_at(0.82), ground_at(0, ahead_m=0.7), path)
+    assert math.isfinite(told.foothold.height_m) is known
+
+
+def test_no_height_is_told_beyond_the_end_of_a_surface() -> None:
+    path = PathAhead(surfaces=(replace(LEVEL, from_m=0.3, to_m=0.8),))
+    for ahead_m, known in ((0.78, True), (0.82, False)):
+        told = gait().foothold(landing_at(ahead_m), ground_at(0, ahead_m=0.7), path, TerrainKind.LEVEL)
+        assert math.isfinite(told.height_m) is known
