@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -73,7 +74,7 @@ def test_a_bend_that_has_passed_out_of_the_picture_is_told_until_the_foot_is_the
 
 @pytest.mark.parametrize(("edge_m", "known"), [(0.75, False), (0.95, True), (None, True)])
 def test_no_height_is_told_beyond_an_edge_that_the_frame_itself_shows(edge_m: float | None, known: bool) -> None:
-    edges = () if edge_m is None else (TerrainEdge(edge_m, 0.01, -0.18, 0.005, False, 0.0),)
+    edge = partial(TerrainEdge, distance_sd_m=0.01, rise_m=-0.18, rise_sd_m=0.005, bound_only=False, yaw_rad=0.0)
     terrain = Terrain(
         t_exposure_ns=0,
         frame_seq=0,
@@ -81,7 +82,7 @@ def test_no_height_is_told_beyond_an_edge_that_the_frame_itself_shows(edge_m: fl
         reason=Reason.NONE,
         kind=TerrainKind.LEVEL,
         probability=1.0,
-        edges=edges,
+        edges=() if edge_m is None else (edge(distance_m=edge_m),),
         obstacles=(),
         foothold=NextFoothold.unknown(Side.RIGHT),
         calibration_id="",
