@@ -26,6 +26,8 @@ _BASE_STEPS, _RECOLOURED_STEPS = 3, 4
 """Steps of a fit that begins where it converged under another whitening."""
 _UNDONE = 0.65
 """Of what either of two effects changes: where they change less together, one undoes the other."""
+_NO_CHANGE = 1e-9
+"""Of what was measured at most: an integrator that begins elsewhere ends as far off."""
 _OF_GAIN = 0.005
 """Of the gain in χ², for each parameter more: what it must bring beside its price."""
 _RECOLOURING_ROUNDS = 1
@@ -204,10 +206,11 @@ class Refits:
             p = problem.parameters[key]
             return not abs(problem.value(fit.values, key) - p.neutral) <= p.least
 
+        if not any(map(far, cause.keys)):
+            return False
         without = {key: value for key, value in fit.values.items() if key not in cause.keys}
-        return any(map(far, cause.keys)) and not np.array_equal(
-            problem.predicted(fit.values), problem.predicted(without), equal_nan=True
-        )
+        before, after = (problem.predicted(values) / problem.reach for values in (without, fit.values))
+        return not np.allclose(before, after, rtol=0.0, atol=_NO_CHANGE, equal_nan=True)
 
     def cancel(self, fit: Fit, causes: Sequence[Candidate]) -> bool:
         """Return whether two of the causes undo each other: together they change the prediction by less than two
