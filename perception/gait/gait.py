@@ -48,7 +48,7 @@ class Gait:
         self._middle_left_m = 0.5 * camera.X_RL.p_m[0] if isinstance(camera, StereoCalibration) else 0.0
         self._watch = GaitWatch(np.array(calibration.X_BE.p_m))
         self._stance = StanceGround()
-        self._bends: deque[tuple[int, float]] = deque()
+        self._bends: deque[tuple[int, float]] = deque(maxlen=_MOST_BENDS)
         self.side = side
 
     def add_ankle(self, state: AnkleState) -> None:
@@ -185,6 +185,6 @@ def _foothold(
 
 
 _BESIDE_M = 0.15
-_BEND_LASTS_NS = 1_200_000_000
+_BEND_LASTS_NS, _MOST_BENDS = 1_200_000_000, 128
 _PROFILE_SD_M = 0.005
 """What the profile's heights are off together, 1 σ, beside what each states."""
