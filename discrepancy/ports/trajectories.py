@@ -1,4 +1,4 @@
-"""Trajectories that were solved of late, from which those of parameters near theirs are solved in few rounds."""
+"""Trajectories solved of late: begun with one of parameters near its own, the method of `marching` needs few rounds."""
 
 from collections import OrderedDict
 from collections.abc import Sequence

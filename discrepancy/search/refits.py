@@ -27,7 +27,7 @@ _BASE_STEPS, _RECOLOURED_STEPS = 3, 4
 _UNDONE = 0.65
 """Of what either of two effects changes: where they change less together, one undoes the other."""
 _NO_CHANGE = 1e-9
-"""Of what was measured at most: an integrator that begins elsewhere ends as far off."""
+"""Of what was measured at most: less is the last digits of an integrator, which hang on where its method begins."""
 _OF_GAIN = 0.005
 """Of the gain in χ², for each parameter more: what it must bring beside its price."""
 _RECOLOURING_ROUNDS = 1

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from perception.terrain.edges import Edge
+from perception.terrain.path_points import PathSettings
 from perception.terrain.surfaces import Surface
 
 
@@ -107,6 +108,6 @@ _NEARLY_M = 0.06
 _BEND = 0.035
 _BEND_REACH_M = 0.3
 _BESIDE_END_M = 0.05
-_HALF_WIDTH_M = 0.25
+_HALF_WIDTH_M = PathSettings.half_width_m
 """Of the profile, which shows a surface as far as any part of it reaches."""
 _SAME_M = 0.12

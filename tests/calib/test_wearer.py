@@ -8,26 +8,7 @@ import pytest
 
 from calib.wearer import WearerMeasurement
 from messages import GroundPlane, Motion, Reason, Status, UserError
-
-FRAME_NS = 50_000_000
-
-
-def ground(k: int, height_m: float) -> GroundPlane:
-    return GroundPlane(
-        t_exposure_ns=k * FRAME_NS,
-        frame_seq=k,
-        status=Status.VALID,
-        reason=Reason.NONE,
-        slope_sagittal_rad=0.0,
-        slope_frontal_rad=0.0,
-        height_m=height_m,
-        covariance=(1e-5, 0.0, 0.0, 1e-5, 0.0, 0.003**2),
-        ahead_m=0.7,
-        matched_share=1.0,
-        inlier_share=1.0,
-        disparity_noise_px=0.1,
-        calibration_id="0",
-    )
+from tests.bench.told_ground import FRAME_NS, told_ground
 
 
 def motion(k: int, speed_mps: float) -> Motion:
@@ -44,7 +25,7 @@ def measured(*parts: tuple[int, float, float]) -> WearerMeasurement:
         for _ in range(frames):
             k += 1
             bob_m = 0.022 * math.sin(0.57 * k) if speed_mps > 0.4 else 0.0
-            found.add(ground(k, height_m + bob_m + chance.normal(0.0, 0.001)))
+            found.add(told_ground(k, height_m + bob_m + chance.normal(0.0, 0.001)))
             found.add(motion(k, speed_mps))
     return found
 

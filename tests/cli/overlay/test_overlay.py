@@ -17,13 +17,10 @@ from cli.replay import replay
 from daemon.recorder import Recorder, RecordingInfo
 from messages import (
     GroundPlane,
-    NextFoothold,
     Reason,
     Side,
     Source,
-    Status,
     Terrain,
-    TerrainEdge,
     TerrainKind,
     UserError,
 )
@@ -39,6 +36,7 @@ from sim_rig.walk.legs import Stand
 from sim_rig.walk.scenario import Pace, Scenario, scenario
 from sim_rig.walk.world import WorldBuilder
 from sim_rig.wearer import SimulatedWearer
+from tests.bench.told_ground import told_edge, told_terrain
 
 START_NS = 10_000_000_000
 STEP_AT_M, STEP_M = 4.0, 0.15
@@ -59,7 +57,7 @@ def test_an_edge_is_drawn_on_the_edge_of_a_rendered_step() -> None:
         said = Said(
             t_s=0.0,
             ground=_no_ground(frame.header.t_exposure_ns),
-            terrain=_terrain(edge.distance_m, edge.rise_m, edge.yaw_rad),
+            terrain=told_terrain(TerrainKind.STEP_UP, (told_edge(edge.distance_m, edge.rise_m, edge.yaw_rad),)),
             surfaces=PathSurfaces(
                 [_level(0.2, edge.distance_m, -height_m), _level(edge.distance_m, 2.5, STEP_M - height_m)], 0.0
             ),
@@ -210,21 +208,3 @@ def _no_ground(t_ns: int) -> GroundPlane:
 
 def _level(from_m: float, to_m: float, height_m: float) -> Surface:
     return Surface(from_m, to_m, 0.5 * (from_m + to_m), height_m, 0.0, 0.001, 0.001)
-
-
-def _terrain(distance_m: float, rise_m: float, yaw_rad: float) -> Terrain:
-    edge = TerrainEdge(
-        distance_m=distance_m, distance_sd_m=0.01, rise_m=rise_m, rise_sd_m=0.002, bound_only=False, yaw_rad=yaw_rad
-    )
-    return Terrain(
-        t_exposure_ns=1,
-        frame_seq=1,
-        status=Status.VALID,
-        reason=Reason.NONE,
-        kind=TerrainKind.STEP_UP,
-        probability=1.0,
-        edges=(edge,),
-        obstacles=(),
-        foothold=NextFoothold.unknown(Side.RIGHT),
-        calibration_id="c",
-    )

@@ -2,51 +2,26 @@
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 
-from messages import (
-    GroundPlane,
-    NextFoothold,
-    Reason,
-    Side,
-    Status,
-    Terrain,
-    TerrainEdge,
-    TerrainKind,
-    upper_triangle,
-)
+from messages import GroundPlane, Side, TerrainKind
 from perception.gait.gait import Gait, NextSteps
 from perception.gait.landing import Landing
 from perception.terrain.path_ahead import PathAhead
 from perception.terrain.surfaces import Surface
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
+from tests.bench.told_ground import told_edge, told_ground, told_terrain
 
-FRAME_NS = 50_000_000
 LEVEL = Surface(0.9, 2.0, 1.4, -0.9, 0.0, 0.001, 0.001)
 RAMP_TO_LEVEL = PathAhead(surfaces=(Surface(0.3, 0.9, 0.6, -0.87, -0.1, 0.001, 0.001), LEVEL))
 LEVEL_ALONE = PathAhead(surfaces=(LEVEL,))
 
 
-def ground_at(frame: int, height_m: float = 0.9, ahead_m: float = 0.8) -> GroundPlane:
-    return GroundPlane(
-        t_exposure_ns=frame * FRAME_NS,
-        frame_seq=frame,
-        status=Status.VALID,
-        reason=Reason.NONE,
-        slope_sagittal_rad=0.0,
-        slope_frontal_rad=0.0,
-        height_m=height_m,
-        covariance=upper_triangle(1e-8 * np.eye(3)),
-        ahead_m=ahead_m,
-        matched_share=1.0,
-        inlier_share=1.0,
-        disparity_noise_px=0.1,
-        calibration_id="",
-    )
+def ground_at(frame: int, ahead_m: float = 0.8) -> GroundPlane:
+    return told_ground(frame, 0.9, (1e-8, 0.0, 0.0, 1e-8, 0.0, 1e-8), ahead_m)
 
 
 def gait() -> Gait:
@@ -74,19 +49,7 @@ def test_a_bend_that_has_passed_out_of_the_picture_is_told_until_the_foot_is_the
 
 @pytest.mark.parametrize(("edge_m", "known"), [(0.75, False), (0.95, True), (None, True)])
 def test_no_height_is_told_beyond_an_edge_that_the_frame_itself_shows(edge_m: float | None, known: bool) -> None:
-    edge = partial(TerrainEdge, distance_sd_m=0.01, rise_m=-0.18, rise_sd_m=0.005, bound_only=False, yaw_rad=0.0)
-    terrain = Terrain(
-        t_exposure_ns=0,
-        frame_seq=0,
-        status=Status.VALID,
-        reason=Reason.NONE,
-        kind=TerrainKind.LEVEL,
-        probability=1.0,
-        edges=() if edge_m is None else (edge(distance_m=edge_m),),
-        obstacles=(),
-        foothold=NextFoothold.unknown(Side.RIGHT),
-        calibration_id="",
-    )
+    terrain = told_terrain(TerrainKind.LEVEL, () if edge_m is None else (told_edge(edge_m, -0.18),))
     path = PathAhead(surfaces=(replace(LEVEL, from_m=0.3),))
     told = gait().with_foothold(terrain, landing_at(0.82), ground_at(0, ahead_m=0.7), path)
     assert math.isfinite(told.foothold.height_m) is known
