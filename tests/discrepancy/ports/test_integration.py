@@ -119,7 +119,7 @@ def test_what_begins_near_is_the_same_and_takes_fewer_evaluations(monkeypatch: p
         asked.append(state[0].size)
         return derivative(state, inputs, values, act)
 
-    whole = replace(sled(1, 300, TERMS), model=replace(MODEL, derivative=counting))
+    whole = replace(sled(1, 300, TERMS), model=replace(MODEL, derivative=counting, steps=1))
     here = {"lagged.value": 0.4, "rubbed.value": 0.7}
     sets = [{**here, key: value + change} for key, value in here.items() for change in (1e-3, -1e-3, 2e-3, 0.02)]
     near = whole.predicted_many(sets)
@@ -137,7 +137,7 @@ def test_what_was_solved_near_is_begun_with_and_changes_nothing() -> None:
         asked.append(state[0].size)
         return derivative(state, inputs, values, act)
 
-    whole = replace(sled(1, 300, TERMS), model=replace(MODEL, derivative=counting))
+    whole = replace(sled(1, 300, TERMS), model=replace(MODEL, derivative=counting, steps=1))
     begun, next_to = ({"lagged.value": 0.4, "rubbed.value": value} for value in (0.7, 0.72))
     whole.predicted(begun)
     asked.clear()
@@ -147,6 +147,14 @@ def test_what_was_solved_near_is_begun_with_and_changes_nothing() -> None:
     assert np.allclose(near, replace(whole).predicted(next_to), rtol=1e-9, atol=1e-9)
     assert taken < 0.8 * sum(asked)
     assert not pickle.loads(pickle.dumps(whole._solved)).near((), [begun], np.zeros((1, 1)), 300)
+
+
+def test_a_trajectory_is_not_taken_for_one_with_other_states() -> None:
+    """Beside a set with two memories one that needs the first alone has room for both."""
+    whole = sled(1, 300, (*TERMS, PortTerm("sled", effect("slow"), lagged, memory=1)))
+    alone = {"lagged.value": 0.41}
+    whole.predicted_many([{"lagged.value": 0.4}, {"lagged.value": 0.4, "slow.value": 0.1}])
+    assert np.allclose(whole.predicted(alone), replace(whole).predicted(alone), rtol=1e-9, atol=1e-9)
 
 
 def test_trajectories_are_kept_as_far_as_there_is_room(monkeypatch: pytest.MonkeyPatch) -> None:
