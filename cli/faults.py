@@ -42,7 +42,7 @@ def faults(
     from lab.faults.catalogue import CATALOGUE, named
     from lab.faults.catalogue import pairs as drawn
     from lab.faults.claims import claims
-    from lab.faults.daemon_under_test import SCENARIO
+    from lab.faults.daemon_under_test import SCENARIO, film_of_lap
     from lab.faults.report import Attempt, CampaignReport
     from lab.faults.tables import CLAIM_COLUMNS, COLUMNS, claim_row, line, listing, row
 
@@ -74,7 +74,10 @@ def faults(
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # whoever ends it, nothing is left running
     with tempfile.TemporaryDirectory(prefix="gaiteyes-faults-") as folder:
-        campaign = Campaign(seed, Path(folder), tell)
+        if left:
+            console.print("a lap of the walk is rendered first …")
+        film = film_of_lap(seed, Path(folder)) if left else None
+        campaign = Campaign(seed, Path(folder), tell, film=film)
         try:
             campaign.run(left)
         finally:

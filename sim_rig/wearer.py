@@ -1,18 +1,22 @@
 """A simulated person who wears one unit: devices for the daemon, frames for a test, and the truth about both."""
 
 import heapq
+import math
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
+from drivers.camera.frame_grid import GRID_NS
 from drivers.camera.frame_pool import FramePair
 from drivers.imu.mpu6050 import Mpu6050
 from drivers.imu.sample_wait import POLL_PERIODS
 from drivers.imu.settings import Mpu6050Settings
 from messages import TOPICS, Calibration, Frame, GroundPlane, GroundTruth, ImuSample, Side, StereoFrame, Tick
-from sim_rig.camera.rendered_frames import RenderedFrames, Scene
+from sim_rig.camera.film import Film, make_film, rendering_s
+from sim_rig.camera.rendered_frames import FramesAhead, RenderedFrames, Scene
 from sim_rig.camera.renderer import Effects
 from sim_rig.camera.rig_camera import RigCamera
 from sim_rig.camera.shutter import Shutter
@@ -35,6 +39,7 @@ _IMU_POLL_NS = round(POLL_PERIODS * TOPICS["imu"].period_ns)
 _POLL_LATENESS_S = 0.15e-3
 _TICK_NS = TOPICS["tick"].period_ns
 _BOOT_NS = 500_000_000
+_SLOTS = 20
 
 
 class WornCamera(Protocol):
@@ -53,7 +58,8 @@ class SimulatedWearer:
 
     Everything follows from `seed` and `scenario`; `start_ns` only says when. `calibration` is all that the daemon may
     know of the unit: the true values plus one draw of the residual it states, or the true values alone.
-    The camera's process takes a second or two to start, so `start_ns` is best set about 3 s ahead.
+    The camera shows the `film` of this walk, or renders as it goes: then its process takes a second or two to start, so
+    `start_ns` is best set about 3 s ahead.
     """
 
     def __init__(
@@ -65,6 +71,7 @@ class SimulatedWearer:
         *,
         rolling_shutter: bool = True,
         effects: Effects | None = None,
+        film: Film | None = None,
     ) -> None:
         self.scenario = scenario
         self.unit: Unit = draw_unit(seed, rolling_shutter=rolling_shutter)
@@ -81,6 +88,7 @@ class SimulatedWearer:
         self._truth = TruthSource(self.unit.X_BL, axis_L, scenario.world, self.gait, self.footholds)
         self._seed = seed
         self._effects = effects
+        self._film = film
         self._start_ns = start_ns
         self._region: UsableRegion | None = None
         self._terrain: TerrainTruthSource | None = None
@@ -110,14 +118,26 @@ class SimulatedWearer:
         return self.wires.open()
 
     def camera(self) -> RigCamera:
-        """Return the camera, in real time; its process starts now."""
+        """Return the camera, in real time; its process, if it has no film, starts now."""
         if self._camera is None:
-            self._camera = RigCamera(self._scene, self.shutter)
+            self._camera = RigCamera(self.frames_ahead(_SLOTS, niceness=5), self.shutter)
         return self._camera
 
-    def rendered_frames(self, slots: int) -> RenderedFrames:
-        """Return the camera's frames for another player, `slots` of them ahead; their process starts now."""
-        return RenderedFrames(self._scene, self.shutter, slots=slots, niceness=0)
+    def frames_ahead(self, slots: int, niceness: int = 0) -> FramesAhead:
+        """Return the camera's frames for a player: those of the film, or `slots` ahead from a process of that niceness,
+        which starts now.
+        """
+        if self._film is not None:
+            return self._film.frames(self.shutter)
+        return RenderedFrames(self._scene, self.shutter, slots=slots, niceness=niceness)
+
+    def film(self, seconds: float, path: Path) -> Film:
+        """Render the first `seconds` into a new file at `path`; raises what `sim_rig.camera.film.make_film` does."""
+        return make_film(self._scene, self.shutter, math.ceil(round(1e9 * seconds / GRID_NS, 6)), path)
+
+    def rendering_s(self) -> float:
+        """Return the processor time that a pair of frames takes to render."""
+        return rendering_s(self._scene, self.shutter)
 
     def truth(
         self, t_exposure_ns: int, ahead_m: float = 0.7, half_length_m: float = 0.3, left_m: float = 0.0

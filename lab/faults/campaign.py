@@ -21,6 +21,7 @@ from lab.faults.fault import FOREIGN, Command, Expect, Fault, Restart
 from lab.faults.report import Attempt, FaultFree, TrialReport
 from lab.faults.trial import Expectation, Measured, Times, failures, measure, recovery_s
 from messages import UserError
+from sim_rig.camera.film import Film
 
 _AFTER_FLAG_S = 1.5  # a fault that waits for motion lasts so long after its flag
 _HEALTH_S = 1.1  # until the next health message, one a second, has come
@@ -79,14 +80,23 @@ class Trial:
 class Campaign:
     """Runs trials in `folder`, an empty one, and tells `tell` of each attempt as it ends. Close it when done.
 
-    `patience_s` is how long it waits for the ground to become steady, and steady again, before it gives up.
+    `patience_s` is how long it waits for the ground to become steady, and steady again, before it gives up. Of the
+    `film` see `DaemonUnderTest`.
     """
 
-    def __init__(self, seed: int, folder: Path, tell: Callable[[Attempt], None], *, patience_s: float = 15.0) -> None:
+    def __init__(
+        self,
+        seed: int,
+        folder: Path,
+        tell: Callable[[Attempt], None],
+        *,
+        patience_s: float = 15.0,
+        film: Film | None = None,
+    ) -> None:
         self._folder = folder
         self._tell = tell
         self._patience_s = patience_s
-        self._daemon = DaemonUnderTest(seed, folder, patience_s=patience_s)
+        self._daemon = DaemonUnderTest(seed, folder, patience_s=patience_s, film=film)
 
     def run(self, trials: Sequence[Trial]) -> None:
         """Run the trials, those that need a start of their own last; what is held up by the host is tried again."""

@@ -34,7 +34,8 @@ from drivers.imu.settings import Mpu6050Settings
 from drivers.zenoh.settings import ZenohSettings
 from lab.faults.hardware import FaultyHardware
 from messages import Calibration, Source, UserError
-from sim_rig.walk.scenario import scenario
+from sim_rig.camera.film import Film
+from sim_rig.walk.scenario import repeating, scenario
 from sim_rig.wearer import SimulatedWearer
 
 DEVICE = "campaign"
@@ -46,7 +47,7 @@ class DaemonPlan(msgspec.Struct, frozen=True, kw_only=True):
     """All that one start of the daemon depends on; the wearer's walk goes on from start to start.
 
     `calibration` takes the place of the unit's own; the faults `from_start` are there before the daemon runs.
-    `largest_file_bytes` limits what the process may write to a file.
+    `largest_file_bytes` limits what the process may write to a file. The wearer walks laps of the `film`, if any.
     """
 
     seed: int
@@ -59,10 +60,12 @@ class DaemonPlan(msgspec.Struct, frozen=True, kw_only=True):
     from_start: tuple[str, ...] = ()
     record: Path | None = None
     largest_file_bytes: int | None = None
+    film: Film | None = None
 
     def wearer(self) -> SimulatedWearer:
         """Return the wearer of this plan."""
-        return SimulatedWearer(self.seed, scenario(self.scenario), self.start_ns)
+        walk = scenario(self.scenario)
+        return SimulatedWearer(self.seed, walk if self.film is None else repeating(walk), self.start_ns, film=self.film)
 
 
 class Order(msgspec.Struct, frozen=True):

@@ -27,6 +27,9 @@ from lab.faults.report import FaultFree, Process
 from lab.faults.surroundings import Surroundings
 from lab.faults.trial import is_steady
 from messages import INTERFACE_VERSION, TOPICS, UserError
+from sim_rig.camera.film import Film
+from sim_rig.walk.scenario import repeating, scenario
+from sim_rig.wearer import SimulatedWearer
 
 SCENARIO = "ramps"
 _LEAD_S = 6.0  # before the wearer's clock starts: by then the first daemon runs
@@ -35,6 +38,13 @@ _STEADY_FRAMES = 20  # a second of right grounds, and of right attitudes, is ste
 _STEADY_ATTITUDES = 100
 _WALK_AHEAD_S = 5.0  # of walking that must lie ahead of a fault that needs motion
 _GRID_S = 0.05  # steps in which walking and standing are told apart
+
+
+def film_of_lap(seed: int, folder: Path) -> Film:
+    """Render a lap of the wearer's walk into `folder`; takes half a minute on two slow cores."""
+    walk = repeating(scenario(SCENARIO))
+    wearer = SimulatedWearer(seed, walk, 0)
+    return wearer.film(wearer.gait.lap_s, folder / "lap.film")
 
 
 class Mark(NamedTuple):
@@ -50,10 +60,11 @@ class Mark(NamedTuple):
 class DaemonUnderTest:
     """Keeps the daemon running in `folder`, an empty one, and hears it. Close it when done.
 
-    A start may take `patience_s` to a steady ground; a machine that is busy with other things needs more.
+    A start may take `patience_s` to a steady ground; a machine that is busy with other things needs more. The wearer's
+    walk is the `film` that `film_of_lap` made for this seed, or rendered as it goes.
     """
 
-    def __init__(self, seed: int, folder: Path, *, patience_s: float = 15.0) -> None:
+    def __init__(self, seed: int, folder: Path, *, patience_s: float = 15.0, film: Film | None = None) -> None:
         self._patience_s = patience_s
         self.adapter = SimulatedCanAdapter(folder / "can-adapter")
         self.plan = DaemonPlan(
@@ -63,6 +74,7 @@ class DaemonUnderTest:
             zenoh=f"{SOCKET}{folder / 'zenoh.sock'}",
             can=self.adapter.settings,
             log=folder / "daemon.log",
+            film=film,
         )
         self.free = FaultFree()
         self.longest: Process | None = None

@@ -37,7 +37,7 @@ class FaultyCamera(Mapping[int, Fault]):
 
     def __init__(self, wearer: SimulatedWearer) -> None:
         self._first_stamp_ns = wearer.shutter.stamp_ns(0)
-        self._frames = wearer.rendered_frames(SLOTS)
+        self._frames = wearer.frames_ahead(SLOTS)
         self._waiting: deque[Rendered] = deque()
         self._shown: Rendered | None = None
         self.image_changes: dict[str, ImageChange] = {}

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import recv_handle, send_handle
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -35,7 +35,7 @@ from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import Gait
 from sim_rig.walk.scenario import Scenario
 
-_PAIR_BYTES = 2 * HEIGHT_PX * WIDTH_PX
+PAIR_BYTES = 2 * HEIGHT_PX * WIDTH_PX
 _RENDERING_MARGIN = 1.25
 _GOODBYE_S = 2.0
 
@@ -75,16 +75,35 @@ class Rendered(NamedTuple):
     ready_ns: int
 
 
+class FramesAhead(Protocol):
+    """Frames of a walk that are there before they are due; see `RenderedFrames`, and `film.FilmedFrames`."""
+
+    def collect(self) -> Iterator[Rendered]:
+        """Yield what has become available since the last call."""
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait until there is something to collect."""
+
+    def pictures(self, rendered: Rendered) -> tuple[GreyImage, GreyImage]:
+        """Return the left and right picture."""
+
+    def give_back(self, rendered: Rendered) -> None:
+        """Take the frame back: its pictures are not needed any more."""
+
+    def close(self) -> None:
+        """Release everything; may be called again."""
+
+
 class RenderedFrames:
     """The frames of `scene` in order, up to `slots` of them ahead; `niceness` is that of the rendering process.
 
     The first frame is the first one that can be ready when it is due; later ones that cannot are left out.
     """
 
-    def __init__(self, scene: Scene, shutter: Shutter, *, slots: int = 20, niceness: int = 5) -> None:
+    def __init__(self, scene: Scene, shutter: Shutter, *, slots: int, niceness: int) -> None:
         memory_fd = os.memfd_create("gaiteyes-frames")
-        os.truncate(memory_fd, slots * _PAIR_BYTES)
-        self._memory = mmap.mmap(memory_fd, slots * _PAIR_BYTES)
+        os.truncate(memory_fd, slots * PAIR_BYTES)
+        self._memory = mmap.mmap(memory_fd, slots * PAIR_BYTES)
         self._slots = _slots_of(self._memory)
         context = multiprocessing.get_context("spawn")
         self._pipe, childs_end = context.Pipe()
@@ -144,7 +163,7 @@ def _render_frames(pipe: Connection, scene: Scene, shutter: Shutter, slot_count:
     """Render frame after frame into free slots; frames that can no longer be in time are left out."""
     os.nice(niceness)
     cv2.setNumThreads(1)
-    memory = mmap.mmap(recv_handle(pipe), slot_count * _PAIR_BYTES)
+    memory = mmap.mmap(recv_handle(pipe), slot_count * PAIR_BYTES)
     slots = _slots_of(memory)
     try:
         renderer = scene.renderer()
@@ -172,5 +191,5 @@ def _render_frames(pipe: Connection, scene: Scene, shutter: Shutter, slot_count:
 
 
 def _slots_of(memory: mmap.mmap) -> NDArray[np.uint8]:
-    slots: NDArray[np.uint8] = np.ndarray((len(memory) // _PAIR_BYTES, 2, HEIGHT_PX, WIDTH_PX), np.uint8, buffer=memory)
+    slots: NDArray[np.uint8] = np.ndarray((len(memory) // PAIR_BYTES, 2, HEIGHT_PX, WIDTH_PX), np.uint8, buffer=memory)
     return slots

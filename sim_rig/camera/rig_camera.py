@@ -8,25 +8,25 @@ import numpy as np
 from drivers.camera.frame_grid import GRID_NS
 from drivers.camera.frame_pool import FramePool
 from messages import DropCause, StereoFrame
-from sim_rig.camera.rendered_frames import Rendered, RenderedFrames, Scene
+from sim_rig.camera.rendered_frames import FramesAhead, Rendered
 from sim_rig.camera.shutter import Shutter
 from sim_rig.unit import HEIGHT_PX, WIDTH_PX
 
 
 class RigCamera:
-    """A StereoSource on the 50 ms grid. The first frame is the first one the rendering process can have in time.
+    """A StereoSource on the 50 ms grid, of `frames` that are there before they are due.
 
     Of the frames that came due since the last `read` the newest is returned and the others count as SUPERSEDED; a
     frame that was not rendered when it was due counts as LATE. `pool_frames` frames may be held at once.
     """
 
-    def __init__(self, scene: Scene, shutter: Shutter, pool_frames: int = 12) -> None:
+    def __init__(self, frames: FramesAhead, shutter: Shutter, pool_frames: int = 12) -> None:
         self._shutter = shutter
         self._dropped: dict[DropCause, int] = {}
         self._pool = FramePool(pool_frames, WIDTH_PX, HEIGHT_PX)
         self._waiting: deque[Rendered] = deque()
         self._latest_k: int | None = None
-        self._frames = RenderedFrames(scene, shutter)
+        self._frames = frames
 
     @property
     def dropped(self) -> dict[DropCause, int]:
@@ -49,7 +49,7 @@ class RigCamera:
             self._rest((wake_ns - now_ns) * 1e-9)
 
     def close(self) -> None:
-        """End the rendering process and give its memory back; may be called again."""
+        """Release the frames; may be called again."""
         self._frames.close()
 
     def _rest(self, seconds: float) -> None:

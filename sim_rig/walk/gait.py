@@ -85,7 +85,8 @@ class Gait:
 
     A lap begins and ends standing, at x = 0 and at a whole number of laps of the world. Before `start_ns` the wearer
     stands. The course is turned by `course_rad` (> 0 to the left) from x. `seed` draws the wearer's amplitudes
-    (± 10 %), phases of sway, how the belt sits and when each foot lands.
+    (± 10 %), phases of sway, how the belt sits and when each foot lands. If it `repeats`, the sway, too, is that of the
+    lap before.
     """
 
     def __init__(
@@ -99,6 +100,7 @@ class Gait:
         habits: Habits = EVEN,
         ride: Ride | None = None,
         course_rad: float = 0.0,
+        repeats: bool = False,
     ) -> None:
         rng = np.random.default_rng([seed, 2])
         self.start_ns = start_ns
@@ -117,7 +119,7 @@ class Gait:
         self._phase = with_derivatives(_step_phase(planned.pace, habits, chance))
         self.strike_s, self._strike_strength = self._strikes(habits)
         self._gait_terms = Terms.gait(rng)
-        self._sway_terms = Terms.sway(rng)
+        self._sway_terms = Terms.sway(rng, self.lap_s if repeats else None)
         self._limp_terms = Terms.limp(chance, habits.limp) if habits.limp else None
         self._bursts = Bursts()
         belt = np.deg2rad(rng.uniform((-2.0, -3.0, -2.0), (2.0, 3.0, 2.0)))

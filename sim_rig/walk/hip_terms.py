@@ -90,11 +90,14 @@ class Terms:
         return cls(list(axis), np.array(amplitude) * share, np.array(cycles), np.array(phase))
 
     @classmethod
-    def sway(cls, rng: np.random.Generator) -> "Terms":
-        """Return what nobody who stands or walks can avoid."""
-        axis, amplitude, frequency_hz = zip(*_SWAY, strict=True)
+    def sway(cls, rng: np.random.Generator, repeated_s: float | None = None) -> "Terms":
+        """Return what nobody who stands or walks can avoid, with whole cycles in `repeated_s` if that is given."""
+        axis, amplitude, frequencies = zip(*_SWAY, strict=True)
+        frequency_hz = np.array(frequencies)
+        if repeated_s is not None:
+            frequency_hz = np.maximum(np.rint(frequency_hz * repeated_s), 1.0) / repeated_s
         phase = rng.uniform(0.0, 1.0, len(axis))
-        return cls(list(axis), np.array(amplitude) * _personal(rng, len(axis)), np.array(frequency_hz), phase)
+        return cls(list(axis), np.array(amplitude) * _personal(rng, len(axis)), frequency_hz, phase)
 
     def of_time(self, t: FloatArray) -> HipMotion:
         """Return q, q̇, q̈ (n, 6) of sinusoids in time."""

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
-from messages import UserError
+from messages import TOPICS, UserError
 from sim_rig.imu.drift import NO_DRIFT, Drift
 from sim_rig.walk.gait import EVEN, Gait, Habits
-from sim_rig.walk.legs import Bend, Leg, Sit, Stand, Turn, Walk
+from sim_rig.walk.legs import Bend, Leg, Sit, Stand, Turn, Walk, plan
 from sim_rig.walk.own_legs import OwnLegs
 from sim_rig.walk.passers_by import PassersBy
 from sim_rig.walk.polish import Polish
@@ -24,6 +24,8 @@ SPEED_RANGE_MPS = (0.4, 2.0)
 CADENCE_RANGE_HZ = (1.0, 2.6)
 ACCELERATION_RANGE_MPS2 = (0.5, 2.0)
 _STAIR_RISE_M, _STAIR_TREAD_M, _STAIR_STEP_HZ = 0.17, 0.29, 1.6
+_SAME_PLACE_M = 1e-6
+_FRAME_S = 1e-9 * TOPICS["frame"].period_ns
 _USUAL = Habits(step_scatter_s=0.02)
 
 
@@ -32,7 +34,8 @@ class Scenario:
     """A repeatable walk. `description` is one line; `legs` walk one lap of `world`, which a `ride` may carry.
 
     `drift` is what becomes of the chip meanwhile. `things` stand before the ground; `contrast` is that of everything in
-    the picture, 1 in good light. The course is turned from the world's x by `course_rad`, > 0 to the left.
+    the picture, 1 in good light. The course is turned from the world's x by `course_rad`, > 0 to the left. One that
+    `repeats` is made by `repeating`.
     """
 
     name: str
@@ -46,6 +49,7 @@ class Scenario:
     things: tuple[Thing, ...] = ()
     contrast: float = 1.0
     course_rad: float = 0.0
+    repeats: bool = False
 
     def gait(self, seed: int, start_ns: int) -> Gait:
         """Return the motion of the person whom `seed` draws."""
@@ -58,6 +62,7 @@ class Scenario:
             habits=self.habits,
             ride=self.ride,
             course_rad=self.course_rad,
+            repeats=self.repeats,
         )
 
 
@@ -364,6 +369,25 @@ def scenario(name: str, pace: Pace | None = None) -> Scenario:
     if name not in _MAKERS:
         raise UserError(f"scenario is '{name}', known are {', '.join(SCENARIOS)}")
     return _MAKERS[name](pace or Pace())
+
+
+def repeating(walk: Scenario) -> Scenario:
+    """Return `walk` with laps that all look alike and take a whole number of frames: it stands longer at their end.
+
+    Raises ValueError where a lap does not end standing, or the next one differs: by its ground, by things or a vehicle.
+    """
+    *legs, last = walk.legs
+    if not isinstance(last, Stand):
+        raise ValueError(f"a lap of '{walk.name}' does not end standing")
+    world, planned = walk.world, plan(walk.legs)
+    ahead_m, left_m = planned.path(planned.lap_s)
+    further_m = math.hypot(ahead_m - world.length_m * round(ahead_m / world.length_m), left_m)
+    flat = world.relief is None and world.polish is None and walk.course_rad == 0.0
+    if further_m > _SAME_PLACE_M or not flat or walk.ride is not None or walk.things or walk.drift != NO_DRIFT:
+        raise ValueError(f"no two laps of '{walk.name}' are alike")
+    frames = math.ceil(round(planned.lap_s / _FRAME_S, 6))
+    longer = Stand(last.duration_s + frames * _FRAME_S - planned.lap_s)
+    return replace(walk, legs=(*legs, longer), repeats=True)
 
 
 def scenario_names(text: str) -> list[str]:

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from cli.main import app
 from lab.evaluation.busy_host import Burden
 from lab.faults import campaign as module
+from lab.faults import daemon_under_test
 from lab.faults.campaign import Campaign, Trial
 from lab.faults.catalogue import CATALOGUE
 from lab.faults.criteria import Wrong
@@ -40,13 +41,14 @@ def test_a_lost_frame_does_not_excuse_a_wrong_plane() -> None:
 
 
 def reports(monkeypatch: pytest.MonkeyPatch, *attempts: Attempt) -> None:
-    """Let the campaign's next attempts end so."""
+    """Let the campaign's next attempts end so; nothing is rendered for them."""
     endings: Iterator[Attempt] = iter(attempts)
 
     def once(_self: Campaign, trial: Trial) -> TrialReport:
         return next(endings).trial
 
     monkeypatch.setattr(Campaign, "_once", once)
+    monkeypatch.setattr(daemon_under_test, "film_of_lap", lambda _seed, _folder: None)
 
 
 @pytest.mark.parametrize(
