@@ -59,6 +59,7 @@ def demo(
     import msgspec
 
     from cli.console import VOID, check_writable, console, score_table, show, write_json
+    from cli.filmed import film_if_slow
     from cli.live import LiveStatus
     from cli.wiring import (
         build_service,
@@ -69,7 +70,7 @@ def demo(
         summary_tables,
         tell_recording,
     )
-    from cli.worn_prosthesis import put_on, tell_prosthesis, with_set_points
+    from cli.worn_prosthesis import tell_prosthesis, with_set_points, worn_by
     from daemon.config import Configuration, load_configuration
     from daemon.summary import Tally
     from drivers.can.settings import parse_can
@@ -79,8 +80,10 @@ def demo(
     from lab.evaluation.busy_host import Burden, ProcessorPressure
     from lab.evaluation.truth_observer import TruthObserver
     from messages import TOPICS, DropCause, Source, UserError
+    from sim_rig.camera.film import film_file
     from sim_rig.can.slcan_hub import open_hub
     from sim_rig.prosthesis.bus_faults import parse_faults
+    from sim_rig.prosthesis.process import ProsthesisProcess, check_worn
     from sim_rig.walk.scenario import Pace
     from sim_rig.walk.scenario import scenario as scenario_named
     from sim_rig.wearer import SimulatedWearer
@@ -103,47 +106,56 @@ def demo(
     if zenoh is not None:
         configuration = msgspec.structs.replace(configuration, zenoh=ZenohSettings(listen=zenoh))
     worn = worn_facts = None
-    start_ns = time.monotonic_ns() + _LEAD_NS
-    wearer = SimulatedWearer(seed, walk, start_ns, perfect_calibration)
-    try:
-        camera = wearer.camera()
+    still = SimulatedWearer(seed, walk, 0, perfect_calibration)
+
+    def check() -> None:
         if prosthesis:
-            worn = put_on(configuration, seed, walk, start_ns, faults)
-        imu = Mpu6050(wearer.imu_bus, settings=Mpu6050Settings(), open_data_ready=wearer.data_ready.open)
-        imu.open()
-        outlets = open_outlets(configuration, wearer.calibration)
-        recorder = None
-        tally = Tally()
-        with outlets.closed_on_failure():
-            if record is not None:
-                recorder = open_recorder(
-                    record, configuration, wearer.calibration, Source.SIMULATED, last, outputs_only=outputs_only
+            check_worn(worn_by(configuration, seed, walk, 0), configuration.can, faults)
+        open_outlets(configuration, still.calibration).close()
+
+    with film_file() as path:
+        film = film_if_slow(still, seconds, path, check)
+        start_ns = time.monotonic_ns() + _LEAD_NS
+        wearer = SimulatedWearer(seed, walk, start_ns, perfect_calibration, film=film)
+        try:
+            camera = wearer.camera()
+            if prosthesis:
+                worn = ProsthesisProcess(worn_by(configuration, seed, walk, start_ns), configuration.can, faults)
+            imu = Mpu6050(wearer.imu_bus, settings=Mpu6050Settings(), open_data_ready=wearer.data_ready.open)
+            imu.open()
+            outlets = open_outlets(configuration, wearer.calibration)
+            recorder = None
+            tally = Tally()
+            with outlets.closed_on_failure():
+                if record is not None:
+                    recorder = open_recorder(
+                        record, configuration, wearer.calibration, Source.SIMULATED, last, outputs_only=outputs_only
+                    )
+                observer = TruthObserver(wearer, recorder)
+                service = build_service(
+                    configuration,
+                    wearer.calibration,
+                    Source.SIMULATED,
+                    imu,
+                    camera,
+                    outlets,
+                    recorder,
+                    [tally, observer],
+                    background={} if hub is None else {"can-hub": hub.serve},
+                    priorities=config is not None and configuration.realtime.priorities,
+                    folder=Path() if config is None else config.parent,
                 )
-            observer = TruthObserver(wearer, recorder)
-            service = build_service(
-                configuration,
-                wearer.calibration,
-                Source.SIMULATED,
-                imu,
-                camera,
-                outlets,
-                recorder,
-                [tally, observer],
-                background={} if hub is None else {"can-hub": hub.serve},
-                priorities=config is not None and configuration.realtime.priorities,
-                folder=Path() if config is None else config.parent,
-            )
-        console.print("to see it, in another terminal: gaiteyes view", highlight=False)
-        pressure = ProcessorPressure()
-        with stopped_by_signals(service), LiveStatus(tally, observer) as live:
-            service.run(seconds, status=live.refresh)
-        waiting = pressure.share()
-    finally:
-        if worn is not None:
-            worn_facts = worn.close()
-        wearer.close()
-        if hub is not None:
-            hub.close()
+            console.print("to see it, in another terminal: gaiteyes view", highlight=False)
+            pressure = ProcessorPressure()
+            with stopped_by_signals(service), LiveStatus(tally, observer) as live:
+                service.run(seconds, status=live.refresh)
+            waiting = pressure.share()
+        finally:
+            if worn is not None:
+                worn_facts = worn.close()
+            wearer.close()
+            if hub is not None:
+                hub.close()
 
     facts = tally.summary(service.latency, service.beats_skipped)
     late, due = camera.dropped.get(DropCause.LATE, 0), round(facts.seconds * TOPICS["ground"].rate_hz)

@@ -45,6 +45,7 @@ def faults(
     from lab.faults.daemon_under_test import SCENARIO, film_of_lap
     from lab.faults.report import Attempt, CampaignReport
     from lab.faults.tables import CLAIM_COLUMNS, COLUMNS, claim_row, line, listing, row
+    from sim_rig.camera.film import film_file
 
     chosen = list(CATALOGUE.values()) if only is None else named(only)
     if show:
@@ -73,10 +74,10 @@ def faults(
         console.print(text, soft_wrap=True)
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # whoever ends it, nothing is left running
-    with tempfile.TemporaryDirectory(prefix="gaiteyes-faults-") as folder:
+    with tempfile.TemporaryDirectory(prefix="gaiteyes-faults-") as folder, film_file() as path:
         if left:
             console.print("a lap of the walk is rendered first …")
-        film = film_of_lap(seed, Path(folder)) if left else None
+        film = film_of_lap(seed, path) if left else None
         campaign = Campaign(seed, Path(folder), tell, film=film)
         try:
             campaign.run(left)

@@ -4,9 +4,8 @@ import msgspec
 
 from cli.console import console, table
 from daemon.config import Configuration
-from sim_rig.prosthesis.bus_faults import BusFaults
 from sim_rig.prosthesis.node import NodeFacts
-from sim_rig.prosthesis.process import ProsthesisProcess, Worn
+from sim_rig.prosthesis.process import Worn
 from sim_rig.walk.scenario import Scenario
 
 USUAL_MASS_KG = 75.0
@@ -20,16 +19,10 @@ def with_set_points(configuration: Configuration) -> Configuration:
     return msgspec.structs.replace(configuration, setpoint=setpoint)
 
 
-def put_on(
-    configuration: Configuration, seed: int, scenario: Scenario, start_ns: int, faults: BusFaults
-) -> ProsthesisProcess:
-    """Return the prosthesis, which walks from `start_ns` on in a process of its own.
-
-    Raises UserError for a walk or a bus that it cannot have.
-    """
+def worn_by(configuration: Configuration, seed: int, scenario: Scenario, start_ns: int) -> Worn:
+    """Return who wears the prosthesis, and walks from `start_ns` on."""
     mass_kg = configuration.setpoint.mass_kg or USUAL_MASS_KG
-    worn = Worn(seed, scenario, start_ns, configuration.foothold.side, mass_kg)
-    return ProsthesisProcess(worn, configuration.can, faults)
+    return Worn(seed, scenario, start_ns, configuration.foothold.side, mass_kg)
 
 
 def tell_prosthesis(facts: NodeFacts | None, states_heard: int) -> None:

@@ -132,11 +132,11 @@ class SimulatedWearer:
         return RenderedFrames(self._scene, self.shutter, slots=slots, niceness=niceness)
 
     def film(self, seconds: float, path: Path) -> Film:
-        """Render the first `seconds` into a new file at `path`; raises what `sim_rig.camera.film.make_film` does."""
+        """Render the first `seconds` into the file at `path`; raises what `sim_rig.camera.film.make_film` does."""
         return make_film(self._scene, self.shutter, math.ceil(round(1e9 * seconds / GRID_NS, 6)), path)
 
     def rendering_s(self) -> float:
-        """Return the processor time that a pair of frames takes to render."""
+        """Return how long a pair of frames takes to render beside other work."""
         return rendering_s(self._scene, self.shutter)
 
     def truth(

@@ -40,11 +40,11 @@ _WALK_AHEAD_S = 5.0  # of walking that must lie ahead of a fault that needs moti
 _GRID_S = 0.05  # steps in which walking and standing are told apart
 
 
-def film_of_lap(seed: int, folder: Path) -> Film:
-    """Render a lap of the wearer's walk into `folder`; takes half a minute on two slow cores."""
+def film_of_lap(seed: int, path: Path) -> Film:
+    """Render a lap of the wearer's walk into the file at `path`; takes half a minute on two slow cores."""
     walk = repeating(scenario(SCENARIO))
     wearer = SimulatedWearer(seed, walk, 0)
-    return wearer.film(wearer.gait.lap_s, folder / "lap.film")
+    return wearer.film(wearer.gait.lap_s, path)
 
 
 class Mark(NamedTuple):

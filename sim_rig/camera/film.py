@@ -1,16 +1,19 @@
 """A walk's frames, rendered before it begins: for a host that cannot render and run the service at once.
 
-    film = make_film(scene, shutter, frames, path)      all cores, as fast as they can
-    film.frames(shutter)                                then each frame when it is due, from the file
+    with film_file() as path:
+        film = make_film(scene, shutter, count, path)      all cores, as fast as they can
+        film.frames(shutter)                               then each frame when it is due, from the file
 
 The file has no header: frame k's left and right eye follow those of k − 1. A film of a walk whose laps are all alike is
 that of one lap, shown over and over.
 """
 
+import contextlib
 import itertools
 import multiprocessing
 import os
-import shutil
+import statistics
+import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -31,6 +34,9 @@ from sim_rig.unit import HEIGHT_PX, WIDTH_PX
 _AHEAD_NS = 1_000_000_000
 _SPARE_BYTES = 1 << 30
 _GOODBYE_S = 2.0
+_LARGE_FILES = Path("/var/tmp")  # on the disk, where the usual folder for temporary files may be memory
+_BESIDE = 2
+_MEASURED_S = 0.4
 
 
 @dataclass(frozen=True)
@@ -46,16 +52,31 @@ class Film:
         return FilmedFrames(self, shutter)
 
 
-def make_film(scene: Scene, shutter: Shutter, count: int, path: Path) -> Film:
-    """Render frames 0 to `count` − 1 into a new file at `path`, one process for each processor that may be used.
+@contextlib.contextmanager
+def film_file() -> Iterator[Path]:
+    """Yield the path of an empty file for a film, which is gone with this process however that ends.
 
-    Raises UserError where the disk has too little room, or a process ends too early.
+    It has no name on the disk; other processes of the user open it by that of this process.
     """
-    size, free = count * PAIR_BYTES, shutil.disk_usage(path.parent).free
-    if free < size + _SPARE_BYTES:
-        raise UserError(f"{path}: {count} frames take {size / 1e9:.1f} GB, {free / 1e9:.1f} GB are free")
-    with path.open("xb") as file:
-        file.truncate(size)
+    folder = _LARGE_FILES if os.access(_LARGE_FILES, os.W_OK) else None
+    with tempfile.TemporaryFile(dir=folder) as file:
+        yield Path(f"/proc/{os.getpid()}/fd/{file.fileno()}")
+
+
+def make_film(scene: Scene, shutter: Shutter, count: int, path: Path) -> Film:
+    """Render frames 0 to `count` − 1 into the file at `path`, one process for each processor that may be used.
+
+    Raises UserError where there is too little room for it, or a process ends too early.
+    """
+    with path.open("wb") as file:
+        size, disk = count * PAIR_BYTES, os.statvfs(file.fileno())
+        free = disk.f_bavail * disk.f_frsize
+        if free < size + _SPARE_BYTES:
+            raise UserError(f"a film of {count} frames takes {size / 1e9:.1f} GB, {free / 1e9:.1f} GB are free")
+        try:
+            file.truncate(size)
+        except OSError as error:  # a limit of this user's, or of the file system's
+            raise UserError(f"a film of {count} frames takes {size / 1e9:.1f} GB: {error.strerror}") from None
     context = multiprocessing.get_context("spawn")
     bounds = np.linspace(0, count, len(os.sched_getaffinity(0)) + 1).astype(int).tolist()
     shares = [
@@ -69,7 +90,7 @@ def make_film(scene: Scene, shutter: Shutter, count: int, path: Path) -> Film:
         for share in shares:
             share.join()
             if share.exitcode:
-                raise UserError(f"{path}: rendering ended with exit code {share.exitcode}")
+                raise UserError(f"the renderer's process has ended (exit code {share.exitcode})")
     finally:
         for share in shares:
             if share.is_alive():
@@ -78,19 +99,24 @@ def make_film(scene: Scene, shutter: Shutter, count: int, path: Path) -> Film:
 
 
 def rendering_s(scene: Scene, shutter: Shutter) -> float:
-    """Return the processor time that a pair of frames takes, measured in a process of its own."""
-    receiver, sender = multiprocessing.get_context("spawn").Pipe(duplex=False)
-    process = multiprocessing.get_context("spawn").Process(target=_measure, args=(scene, shutter, sender), daemon=True)
+    """Return how long a pair of frames takes while as much work goes on beside: two processors may share one core.
+
+    Raises UserError where a renderer ends too early.
+    """
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    renderers = [context.Process(target=_measure, args=(scene, shutter, sender), daemon=True) for _ in range(_BESIDE)]
     with without_interrupt():
-        process.start()
+        for renderer in renderers:
+            renderer.start()
     sender.close()
     try:
-        seconds = float(receiver.recv())
+        return max(float(receiver.recv()) for _ in renderers)
     except EOFError as error:
         raise UserError("the renderer's process has ended") from error
     finally:
-        process.join(_GOODBYE_S)
-    return seconds
+        for renderer in renderers:
+            renderer.join(_GOODBYE_S)
 
 
 class FilmedFrames:
@@ -150,11 +176,13 @@ def _render(scene: Scene, shutter: Shutter, frames: range, path: Path) -> None:
 
 
 def _measure(scene: Scene, shutter: Shutter, to: Connection) -> None:
-    """Send how long a pair of frames takes; the first loads the textures in sight."""
+    """Send how long a pair of frames takes, by the clock; the first loads the textures in sight."""
     cv2.setNumThreads(1)
     renderer = scene.renderer()
     pair = np.empty((2, HEIGHT_PX, WIDTH_PX), np.uint8)
-    for k in range(3):
-        began_s = time.process_time()
-        renderer.render(shutter.true_ns(k), shutter.exposure_s(k), k, *pair)
-    to.send(time.process_time() - began_s)
+    took_s: list[float] = []
+    while sum(took_s[1:]) < _MEASURED_S:
+        began_s = time.perf_counter()
+        renderer.render(shutter.true_ns(0), shutter.exposure_s(0), 0, *pair)
+        took_s.append(time.perf_counter() - began_s)
+    to.send(statistics.median(took_s[1:]))

@@ -51,15 +51,20 @@ class Worn:
         return ProsthesisNode(controls, prosthesis, faults, self.seed)
 
 
+def check_worn(worn: Worn, settings: CanSettings, faults: BusFaults) -> None:
+    """Raise UserError for a walk that cannot be walked, or a bus that is not shared."""
+    if settings.interface is CanInterface.VIRTUAL:
+        raise UserError(
+            f"prosthesis: CAN {settings.name} ends with this process; choose slcan, udp_multicast or socketcan"
+        )
+    worn.node(faults)
+
+
 class ProsthesisProcess:
-    """A process that walks with the prosthesis until it is closed. Raises UserError for a bus that is not shared."""
+    """A process that walks with the prosthesis until it is closed. Raises what `check_worn` does."""
 
     def __init__(self, worn: Worn, settings: CanSettings, faults: BusFaults) -> None:
-        if settings.interface is CanInterface.VIRTUAL:
-            raise UserError(
-                f"prosthesis: CAN {settings.name} ends with this process; choose slcan, udp_multicast or socketcan"
-            )
-        worn.node(faults)  # here, so that a walk that cannot be walked is told at once
+        check_worn(worn, settings, faults)
         context = multiprocessing.get_context("spawn")
         self._pipe, childs_end = context.Pipe()
         self._process = context.Process(

@@ -129,11 +129,12 @@ def test_a_recording_cut_in_the_middle_replays_up_to_the_damage(walk: Path, tmp_
 @pytest.mark.realtime
 def test_interrupting_ends_cleanly_and_keeps_the_recording(tmp_path: Path) -> None:
     path = tmp_path / "walk.mcap"
-    command = [*GAITEYES, "demo", "--zenoh", free_endpoint(), "--can", "virtual:test", "--record", str(path)]
+    outlets = ["--zenoh", free_endpoint(), "--can", "virtual:test"]
+    command = [*GAITEYES, "demo", "--seconds", "20", *outlets, "--record", str(path)]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
-    deadline_s = time.monotonic() + 60.0
+    deadline_s = time.monotonic() + 90.0
     while not (path.exists() and path.stat().st_size > 20e6) and time.monotonic() < deadline_s:
         time.sleep(0.1)
     os.killpg(process.pid, signal.SIGINT)

@@ -4,6 +4,7 @@ Nothing here depends on how fast the machine is: limits of time are for `gaiteye
 """
 
 import math
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -16,11 +17,12 @@ from lab.evaluation import busy_host
 from lab.faults.campaign import Campaign, Trial
 from lab.faults.catalogue import CATALOGUE
 from lab.faults.claims import claims
-from lab.faults.daemon_under_test import SCENARIO, DaemonUnderTest
+from lab.faults.daemon_under_test import SCENARIO, DaemonUnderTest, film_of_lap
 from lab.faults.report import Attempt, CampaignReport, TrialReport
 from lab.faults.tables import CLAIM_COLUMNS, COLUMNS, claim_row, line, row
 from lab.faults.trial import Measured
 from messages import Reason
+from sim_rig.camera.film import Film, film_file
 
 pytestmark = [pytest.mark.realtime, pytest.mark.long]
 
@@ -35,13 +37,19 @@ NAMES = (*FLAGS, "can-ankle-corrupted", "zenoh-port-taken", "file-configuration-
 
 
 @pytest.fixture(scope="module")
-def campaign(tmp_path_factory: pytest.TempPathFactory) -> CampaignReport:
+def film() -> Iterator[Film]:
+    with film_file() as path:
+        yield film_of_lap(1, path)
+
+
+@pytest.fixture(scope="module")
+def campaign(film: Film, tmp_path_factory: pytest.TempPathFactory) -> CampaignReport:
     """Run the trials; a busy machine repeats only what failed while the rig lost frames."""
     told: list[Attempt] = []
     anything = pytest.MonkeyPatch()
     for bound in ("MOST_WAITING", "MOST_LATE", "MOST_HELD_UP"):
         anything.setattr(busy_host, bound, math.inf)
-    made = Campaign(1, tmp_path_factory.mktemp("faults"), told.append, patience_s=60.0)
+    made = Campaign(1, tmp_path_factory.mktemp("faults"), told.append, patience_s=60.0, film=film)
     try:
         made.run([Trial((CATALOGUE[name],)) for name in NAMES])
     finally:
@@ -116,8 +124,8 @@ def test_a_campaign_reads_as_a_table_and_as_json(campaign: CampaignReport) -> No
     assert campaign.process is not None
 
 
-def test_a_fault_may_be_there_before_the_start(tmp_path: Path) -> None:
-    with closing(DaemonUnderTest(1, tmp_path)) as daemon:
+def test_a_fault_may_be_there_before_the_start(film: Film, tmp_path: Path) -> None:
+    with closing(DaemonUnderTest(1, tmp_path, film=film)) as daemon:
         daemon.start(msgspec.structs.replace(daemon.plan, from_start=("cam-both-black",)))
         grounds = daemon.listener.grounds
         assert daemon.listen(60.0, lambda: any(h.ground.reason is Reason.OVER_EXPOSED for h in grounds))

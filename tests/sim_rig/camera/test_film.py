@@ -1,5 +1,7 @@
 """A walk's frames from a file: the same as rendered, lap after lap, and never before their time."""
 
+import os
+import resource
 import time
 from collections import namedtuple
 from pathlib import Path
@@ -128,11 +130,21 @@ def test_a_walk_that_changes_from_lap_to_lap_does_not_repeat(name: str) -> None:
 def test_a_disk_that_is_too_full_is_told_before_anything_is_rendered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr("shutil.disk_usage", lambda _folder: usage(0, 0, 2_000_000_000))
-    with pytest.raises(UserError, match=r"walk\.film: 1000 frames take 1\.8 GB, 2\.0 GB are free"):
+    disk = namedtuple("disk", "f_bavail f_frsize")
+    monkeypatch.setattr(os, "statvfs", lambda _fd: disk(1_000_000, 2_000))
+    with pytest.raises(UserError, match=r"a film of 1000 frames takes 1\.8 GB, 2\.0 GB are free"):
         SimulatedWearer(1, short_walk(), 0).film(50.0, tmp_path / "walk.film")
-    assert not list(tmp_path.iterdir())
+    assert (tmp_path / "walk.film").stat().st_size == 0
+
+
+def test_a_limit_of_files_is_told(tmp_path: Path) -> None:
+    least, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000_000, most))
+    try:
+        with pytest.raises(UserError, match=r"a film of 20 frames takes 0\.0 GB: File too large"):
+            SimulatedWearer(1, short_walk(), 0).film(1.0, tmp_path / "walk.film")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (least, most))
 
 
 class BrokenShutter(Shutter):
@@ -144,5 +156,5 @@ def test_rendering_that_fails_is_told(tmp_path: Path) -> None:
     wearer = SimulatedWearer(1, short_walk(), 0)
     stereo = wearer.unit.stereo
     scene = Scene(wearer.unit, short_walk(), 1, 0)
-    with pytest.raises(UserError, match="rendering ended with exit code 1"):
+    with pytest.raises(UserError, match=r"the renderer's process has ended \(exit code 1\)"):
         make_film(scene, BrokenShutter(stereo, stereo, 1, 0), 1, tmp_path / "walk.film")
