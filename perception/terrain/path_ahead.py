@@ -38,13 +38,14 @@ class PathAhead:
     def is_one_surface(self, from_m: float, to_m: float, left_m: float) -> bool:
         """Return whether one surface is seen to reach from one place to another, x of H where y is `left_m`.
 
-        As long as no edge tells how it is turned, the surface's end may be a turned one: to that side it ends nearer.
+        As long as no edge ahead tells how it is turned, its end may be a turned one: to that side it ends nearer.
         """
         across_m = left_m * math.tan(self.yaw_rad)
         surface = self.surface_at(from_m + across_m)
         if surface is None or surface is not self.surface_at(to_m + across_m):
             return False
-        turned_m = 0.0 if self.edges else MOST_TURNED * (_HALF_WIDTH_M + abs(left_m))
+        told = any(edge.distance_m > from_m + across_m for edge in self.edges)
+        turned_m = 0.0 if told else MOST_TURNED * (_HALF_WIDTH_M + abs(left_m))
         return to_m + across_m < surface.to_m - turned_m - _BESIDE_END_M
 
     def ends_between(self, from_m: float, to_m: float, left_m: float) -> bool:

@@ -180,6 +180,7 @@ def test_a_surface_whose_end_may_be_turned_is_one_only_well_before_it() -> None:
     assert not PathAhead(surfaces=surfaces).is_one_surface(0.7, 1.9, 0.0)
     assert not PathAhead(surfaces=surfaces).is_one_surface(0.7, 1.8, -0.3)
     assert PathAhead((edge(2.0, -0.17),), surfaces).is_one_surface(0.7, 1.9, 0.0)
+    assert not PathAhead((edge(0.3, 0.17),), surfaces).is_one_surface(0.7, 1.9, 0.0)  # one behind says nothing of it
 
 
 def test_a_track_goes_on_from_a_known_surface_and_is_carried_where_it_is_not_seen() -> None:
