@@ -7,6 +7,8 @@ steps, ramps, dropped kerbs, rough and plain ground, met square or at an angle, 
 people. All estimators get the same messages, in the order of the pipeline. What is counted is said in
 `lab.evaluation.terrain_score`. One line of JSON is added to F for each finished walk and estimator; those there are not
 walked again. Seeds below 1000 are for tuning, from 1000 on for judging; every 20 hold each case as often as the next.
+With --photographs the pictures are those of a second renderer (`sim_rig.camera.ray_caster`) on ground covered with
+photographs, read from $GAITEYES_DATA; walks on rough ground are left out, as are things and shadows.
 """
 
 import argparse
@@ -15,6 +17,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from multiprocessing import Pool
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import msgspec
@@ -22,12 +25,14 @@ import numpy as np
 
 from daemon.pipeline import Pipeline
 from lab.baselines.terrain_peers import ColumnMedians, PublishedPlane
+from lab.evaluation.measured.photographs import photographs
 from lab.evaluation.terrain_said import KINDS, Foothold, TerrainEstimator, TerrainSaid
 from lab.evaluation.terrain_said import Terrain as Said
 from lab.evaluation.terrain_score import EdgeCounts, JudgedFrame, WalkScore, mean_recall, score
 from messages import Calibration, GroundPlane, Input, NextFoothold, Side, Status, Terrain, full_matrix
 from messages.constants import NORMAL_95
 from perception.ground.foothold import FootholdSettings
+from sim_rig.camera.ray_caster import RayCaster, is_flat
 from sim_rig.walk.terrain_walks import STANDING_S, terrain_walk
 from sim_rig.wearer import SimulatedWearer
 
@@ -101,16 +106,27 @@ class Walked(msgspec.Struct, kw_only=True):
     score: WalkScore
 
 
-def walked(task: tuple[int, Sequence[str]]) -> list[Walked]:
-    """Return what each estimator makes of one seed's walk."""
-    seed, names = task
+class Task(NamedTuple):
+    """A walk, for some estimators, drawn by the rig's renderer or the one with `photographs`."""
+
+    seed: int
+    names: Sequence[str]
+    photographs: bool
+
+
+def walked(task: Task) -> list[Walked]:
+    """Return what each estimator makes of one seed's walk; nothing where it cannot be drawn."""
+    seed, names, with_photographs = task
     cv2.setNumThreads(1)
     walk = terrain_walk(seed)
-    wearer = SimulatedWearer(seed, walk.scenario, START_NS)
+    if with_photographs and not is_flat(walk.scenario.world):
+        return []
+    wearer = SimulatedWearer(seed, walk.scenario, START_NS, rolling_shutter=not with_photographs)
+    camera = RayCaster(wearer, photographs(), seed) if with_photographs else None
     estimators = {name: ESTIMATORS[name](wearer.calibration) for name in names}
     said: dict[str, dict[int, TerrainSaid]] = {name: {} for name in names}
     stamps_ns: list[int] = []
-    for message in wearer.offline_inputs(walk.seconds):
+    for message in wearer.offline_inputs(walk.seconds, camera):
         for name, estimator in estimators.items():
             said[name].update({terrain.t_exposure_ns: terrain for terrain in estimator.step(message)})
         header = getattr(message, "header", None)
@@ -224,6 +240,7 @@ def main() -> None:
     parser.add_argument("--seeds", default="1000-1019", help="walks, first-last")
     parser.add_argument("--file", type=Path, help="finished walks, kept and gone on from")
     parser.add_argument("--processes", type=int, choices=(1, 2), default=2)
+    parser.add_argument("--photographs", action="store_true", help="the second renderer; a FILE of its own")
     options = parser.parse_args()
     first, last = map(int, options.seeds.split("-"))
     known = options.file.read_text().splitlines() if options.file and options.file.exists() else []
@@ -232,7 +249,9 @@ def main() -> None:
     done = {(walk.seed, walk.estimator) for walk in walks}
     missing = {seed: [e for e in options.estimators if (seed, e) not in done] for seed in range(first, last + 1)}
     with Pool(options.processes) as pool:
-        for found in pool.imap_unordered(walked, [(s, names) for s, names in missing.items() if names]):
+        for found in pool.imap_unordered(
+            walked, [Task(s, names, options.photographs) for s, names in missing.items() if names]
+        ):
             walks += found
             if options.file:
                 with options.file.open("a") as file:
