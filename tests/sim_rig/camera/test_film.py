@@ -2,6 +2,8 @@
 
 import os
 import resource
+import subprocess
+import sys
 import time
 from collections import namedtuple
 from pathlib import Path
@@ -145,6 +147,45 @@ def test_a_limit_of_files_is_told(tmp_path: Path) -> None:
             SimulatedWearer(1, short_walk(), 0).film(1.0, tmp_path / "walk.film")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (least, most))
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from sim_rig.walk.scenario import scenario
+from sim_rig.wearer import SimulatedWearer
+if __name__ == "__main__":
+    SimulatedWearer(1, scenario("level"), 0).film(20.0, Path(sys.argv[1]))
+"""
+
+
+def children_of(pid: int) -> list[int]:
+    threads = Path(f"/proc/{pid}/task").glob("*/children")
+    return [int(child) for thread in threads for child in thread.read_text().split()]
+
+
+def runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.long
+def test_nothing_renders_on_for_one_that_was_killed(tmp_path: Path) -> None:
+    script, film = tmp_path / "killed.py", tmp_path / "walk.film"
+    script.write_text(KILLED)
+    home = Path(__file__).parents[3]
+    with subprocess.Popen([sys.executable, script, film], cwd=home, env={**os.environ, "PYTHONPATH": str(home)}) as it:
+        while len(renderers := children_of(it.pid)) < 1 + len(os.sched_getaffinity(0)):  # one keeps the books
+            assert it.poll() is None
+            time.sleep(0.05)
+        it.kill()
+    while any(runs(pid) for pid in renderers):
+        time.sleep(0.1)
+    with film.open("rb") as file:  # they ended long before the last frame
+        file.seek(-PAIR_BYTES, os.SEEK_END)
+        assert not any(file.read())
 
 
 class BrokenShutter(Shutter):
