@@ -34,7 +34,8 @@ from perception.attitude.state import AttitudeState, CameraStepSettings
 @dataclass(frozen=True)
 class CameraStep:
     """The turn (rotation vector, rad) and the travel (m) of the camera between two instants, both (3,) in B as it was
-    at the first. `covariance` (6, 6) is that of both, turn first; `p_BC_m` is where in B the camera's centre is."""
+    at the first. `covariance` (6, 6) is that of both, turn first; `p_BC_m` is where in B the camera's centre is. By
+    `common_rad` (1 σ) the turns of some steps err alike."""
 
     t_before_ns: int
     t_after_ns: int
@@ -42,6 +43,7 @@ class CameraStep:
     travel_B: Vec3
     covariance: FloatArray
     p_BC_m: Vec3
+    common_rad: float = 0.0
 
     @property
     def duration_s(self) -> float:
@@ -153,10 +155,8 @@ def _by_lag(kalman: AttitudeKalman, state: AttitudeState, lever_0_W: Vec3, lever
 
 
 def _weight(step: CameraStep, settings: CameraStepSettings) -> float:
-    """Return the weight of a turn in a sum of turns, 1 where it is known well: errors that corners share outlast a
-    step."""
-    turn_var_rad2 = float(np.trace(step.covariance[:3, :3])) / 3.0
-    return 1.0 / (1.0 + turn_var_rad2 / (settings.doubtful_radps * step.duration_s) ** 2)
+    """Return the weight of a turn in a sum of turns, 1 where steps share no error: one that they share adds up."""
+    return 1.0 / (1.0 + (step.common_rad / (settings.doubtful_radps * step.duration_s)) ** 2)
 
 
 def _robust(noise: FloatArray, by_part: tuple[float, float], settings: CameraStepSettings) -> FloatArray:

@@ -43,7 +43,7 @@ class CameraStepSettings:
     mount_rad: float = math.radians(0.05)  # of the camera in B, beside the calibration's residual
     mount_walk_rad_rts: float = math.radians(0.005)
     usual_sigmas: float = 3.0  # a step counts for no more of turn or travel
-    doubtful_radps: float = 0.03  # a turn known no better counts for half or less in a sum of turns
+    doubtful_radps: float = 0.03  # a turn that errs by so much alike with others counts for half in a sum of turns
     lag_s: float = 0.0003  # of the camera's stamps, beside the calibration's residual
     refused_sigmas: float = 10.0  # a step beyond is not used: something else moves, or one of the two is wrong,
     counted_sigmas: float = 5.0  # and counts for this much at most among what contradicts

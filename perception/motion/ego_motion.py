@@ -33,8 +33,8 @@ class EgoMotion:
     """The mean motion of C between two exposures.
 
     `t_before_ns` and `t_after_ns` are mid-exposures of two frames. `w_C_radps` and `v_C_mps` (3,) are angular rate and
-    velocity, in C as it was before; `covariance` (6, 6) is that of both, rate first. `bend` is what the step tells of
-    the distances that it rests on.
+    velocity, in C as it was before; `covariance` (6, 6) is that of both, rate first; `common_rad` is what of the turn's
+    deviation the steps around it share. `bend` is what the step tells of the distances that it rests on.
     """
 
     t_before_ns: int
@@ -42,6 +42,7 @@ class EgoMotion:
     w_C_radps: FloatArray
     v_C_mps: FloatArray
     covariance: FloatArray
+    common_rad: float
     tracks: int
     bend: Bend
 
@@ -196,6 +197,7 @@ class VisualOdometer:
             w_C_radps=so3.log(R[0] @ so3.exp(step.rates[:3] * step_s)) / step_s,
             v_C_mps=step.rates[3:] + p_m[0] / step_s,
             covariance=step.covariance + self._common + np.diag(noise**2 + common**2),
+            common_rad=self.common_error,
             tracks=step.inliers,
             bend=step.bend,
         )

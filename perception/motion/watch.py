@@ -101,6 +101,7 @@ class MotionWatch:
             vec3(to_B @ motion.v_C_mps),
             so3.pair_covariance_turned(to_B, motion.covariance),
             self._p_BC_m,
+            motion.common_rad,
         )
 
     def finish_frame(self) -> None:

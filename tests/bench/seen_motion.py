@@ -53,6 +53,7 @@ def seen(walk: Gait, from_ns: int, to_ns: int, noise: float = 1.0, seed: int = 0
         w_C_radps=R_BC.T @ w_B + noise * chance.normal(0.0, RATE_NOISE_RADPS, 3),
         v_C_mps=R_BC.T @ v_B + noise * chance.normal(0.0, VELOCITY_NOISE_MPS, 3),
         covariance=np.diag([RATE_NOISE_RADPS**2] * 3 + [VELOCITY_NOISE_MPS**2] * 3),
+        common_rad=0.0,
         tracks=50,
         bend=Bend(np.zeros((2, 2)), np.zeros(2)),
     )
