@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from messages import Status, vec3
-from perception.attitude.camera_step import CameraStep, follow_odometer_scale
+from perception.attitude.camera_step import CameraStep, begin_step, follow_odometer_scale, measure_step
 from perception.attitude.filter import AttitudeSettings
 from perception.attitude.history import AttitudeAt
 from perception.attitude.kalman import AttitudeKalman
@@ -82,6 +82,24 @@ def test_an_odometer_errs_by_more_in_all_where_it_states_more_noise() -> None:
     assert state.odometer_scale == pytest.approx((1.0 + 3.0 / 9.0) / (1.0 + 1.0 / 9.0) * settings.odometer_scale)
     follow_odometer_scale(state, replace(step, travel_B=ZERO, covariance=900.0 * step.covariance), settings)
     assert state.odometer_scale == pytest.approx(1.2 * settings.odometer_scale)
+
+
+def test_a_turn_counts_for_less_only_by_what_steps_share() -> None:
+    kalman = AttitudeKalman(AttitudeSettings(), CALIBRATION.residual)
+    doubtful_rad = kalman.settings.camera.doubtful_radps * 0.05
+
+    def told(step: CameraStep) -> float:
+        state = kalman.new_state()
+        state.q_WB = (1.0, 0.0, 0.0, 0.0)
+        begin_step(kalman, state)
+        said = measure_step(kalman, state, step, believed=False)
+        assert said is not None
+        return float(said.missing_rad[2])
+
+    step = CameraStep(0, 50_000_000, (0.0, 0.0, 0.01), ZERO, np.eye(6) * 1e-8, ZERO)
+    assert told(step) == pytest.approx(0.01)
+    assert told(replace(step, covariance=np.eye(6) * doubtful_rad**2)) == pytest.approx(0.01)
+    assert told(replace(step, common_rad=doubtful_rad)) == pytest.approx(0.005)
 
 
 def test_a_start_is_no_tilt_where_the_camera_sees_it() -> None:
