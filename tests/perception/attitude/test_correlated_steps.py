@@ -1,4 +1,4 @@
-"""Steps whose turns are all off to one side, and say that they may be: no gyroscope is accused for it."""
+"""Steps whose turns are all off to one side, and say that they share it: no gyroscope is accused for it."""
 
 from dataclasses import replace
 
@@ -16,9 +16,10 @@ OFF_RADPS, FAR_OFF_RADPS = np.array((0.0, 0.06, 0.0)), np.array((0.0, 0.12, 0.0)
 
 
 def off_to_one_side(step: CameraStep, off_radps: FloatArray, stated_radps: float) -> CameraStep:
-    turn = np.diag((1.0, 1.0, 1.0, 0.0, 0.0, 0.0)) * (stated_radps * step.duration_s) ** 2
+    common_rad = stated_radps * step.duration_s
+    turn = np.diag((1.0, 1.0, 1.0, 0.0, 0.0, 0.0)) * common_rad**2
     turned = np.array(step.turn_B) + off_radps * step.duration_s
-    return replace(step, turn_B=vec3(turned), covariance=step.covariance + turn)
+    return replace(step, turn_B=vec3(turned), covariance=step.covariance + turn, common_rad=common_rad)
 
 
 def accused(seed: int, off_radps: FloatArray, stated_radps: float) -> bool:
@@ -31,6 +32,6 @@ def accused(seed: int, off_radps: FloatArray, stated_radps: float) -> bool:
 
 
 @pytest.mark.parametrize("seed", [5, 6, 8])
-def test_turns_that_say_how_doubtful_they_are_accuse_no_gyroscope(seed: int) -> None:
+def test_turns_that_say_what_error_they_share_accuse_no_gyroscope(seed: int) -> None:
     assert not accused(seed, OFF_RADPS, 0.10)
     assert accused(seed, FAR_OFF_RADPS, 0.0)
