@@ -7,7 +7,7 @@ steps, ramps, dropped kerbs, rough and plain ground, met square or at an angle, 
 people. All estimators get the same messages, in the order of the pipeline. What is counted is said in
 `lab.evaluation.terrain_score`. One line of JSON is added to F for each finished walk and estimator; those there are not
 walked again. Seeds below 1000 are for tuning, from 1000 on for judging; every 20 hold each case as often as the next.
-With --photographs the pictures are those of a second renderer (`sim_rig.camera.ray_caster`) on ground covered with
+With --photographs the pictures are those of a second renderer (`sim_rig.ray_caster`) on ground covered with
 photographs, read from $GAITEYES_DATA; walks on rough ground are left out, as are things and shadows.
 """
 
@@ -32,7 +32,7 @@ from lab.evaluation.terrain_score import EdgeCounts, JudgedFrame, WalkScore, mea
 from messages import Calibration, GroundPlane, Input, NextFoothold, Side, Status, Terrain, full_matrix
 from messages.constants import NORMAL_95
 from perception.ground.foothold import FootholdSettings
-from sim_rig.camera.ray_caster import RayCaster, is_flat
+from sim_rig.ray_caster import RayCaster, is_flat
 from sim_rig.walk.terrain_walks import STANDING_S, terrain_walk
 from sim_rig.wearer import SimulatedWearer
 

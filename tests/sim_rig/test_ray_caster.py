@@ -6,7 +6,7 @@ import pytest
 
 from messages import Lens, StereoFrame
 from messages.arrays import FloatArray, GreyImage
-from sim_rig.camera.ray_caster import RayCaster
+from sim_rig.ray_caster import RayCaster
 from sim_rig.walk.legs import Stand
 from sim_rig.walk.scenario import Scenario, scenario
 from sim_rig.walk.world import WorldBuilder
