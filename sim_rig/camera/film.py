@@ -164,15 +164,15 @@ class FilmedFrames:
 
 
 def _render(scene: Scene, shutter: Shutter, frames: range, path: Path) -> None:
-    """Render some frames into their places in the file, as long as the process that wants them lives."""
+    """Render some frames into their places in the file, as long as the process that started this one lives."""
     cv2.setNumThreads(1)
     renderer = scene.renderer()
     pair = np.empty((2, HEIGHT_PX, WIDTH_PX), np.uint8)
-    wanting = multiprocessing.parent_process()
+    parent = multiprocessing.parent_process()
     with path.open("r+b") as file:
         file.seek(frames.start * PAIR_BYTES)
         for k in frames:
-            if wanting is None or not wanting.is_alive():
+            if parent is None or not parent.is_alive():
                 return
             renderer.render(shutter.true_ns(k), shutter.exposure_s(k), k, *pair)
             file.write(pair.data)

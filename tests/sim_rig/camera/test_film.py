@@ -177,7 +177,7 @@ def test_nothing_renders_on_for_one_that_was_killed(tmp_path: Path) -> None:
     script.write_text(KILLED)
     home = Path(__file__).parents[3]
     with subprocess.Popen([sys.executable, script, film], cwd=home, env={**os.environ, "PYTHONPATH": str(home)}) as it:
-        while len(renderers := children_of(it.pid)) < 1 + len(os.sched_getaffinity(0)):  # one keeps the books
+        while len(renderers := children_of(it.pid)) < 1 + len(os.sched_getaffinity(0)):  # one is the resource tracker
             assert it.poll() is None
             time.sleep(0.05)
         it.kill()
