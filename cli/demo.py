@@ -54,6 +54,7 @@ def demo(
 
     needs("gaiteyes demo", "skimage")
 
+    import contextlib
     import time
 
     import msgspec
@@ -97,12 +98,8 @@ def demo(
         configuration = with_set_points(configuration)
     elif bus_faults:
         raise UserError("--bus-faults are those of a prosthesis's bus: add --prosthesis")
-    hub = None
     if can is not None:
         configuration = msgspec.structs.replace(configuration, can=parse_can(can))
-    elif config is None:
-        hub = open_hub()
-        configuration = msgspec.structs.replace(configuration, can=hub.settings)
     if zenoh is not None:
         configuration = msgspec.structs.replace(configuration, zenoh=ZenohSettings(listen=zenoh))
     worn = worn_facts = None
@@ -113,7 +110,12 @@ def demo(
             check_worn(worn_by(configuration, seed, walk, 0), configuration.can, faults)
         open_outlets(configuration, still.calibration).close()
 
-    with film_file() as path:
+    with contextlib.ExitStack() as held:
+        hub = None
+        if can is None and config is None:
+            hub = held.enter_context(contextlib.closing(open_hub()))
+            configuration = msgspec.structs.replace(configuration, can=hub.settings)
+        path = held.enter_context(film_file())
         film = film_if_slow(still, seconds, path, check)
         start_ns = time.monotonic_ns() + _LEAD_NS
         wearer = SimulatedWearer(seed, walk, start_ns, perfect_calibration, film=film)
@@ -154,8 +156,6 @@ def demo(
             if worn is not None:
                 worn_facts = worn.close()
             wearer.close()
-            if hub is not None:
-                hub.close()
 
     facts = tally.summary(service.latency, service.beats_skipped)
     late, due = camera.dropped.get(DropCause.LATE, 0), round(facts.seconds * TOPICS["ground"].rate_hz)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from cli import filmed
 from cli.console import VOID
 from cli.main import app
 from daemon.pipeline import Pipeline
@@ -24,6 +25,7 @@ from messages import Side, Source, UserError
 from messages.e2e import E2eCheck
 from messages.refusal import Refusal
 from perception.ground.foothold import FootholdSettings
+from sim_rig.can.slcan_hub import open_hub
 from sim_rig.prosthesis.bus_faults import BusFaults
 from sim_rig.prosthesis.process import ProsthesisProcess, Worn
 from sim_rig.unit import draw_unit
@@ -100,7 +102,12 @@ def test_the_demo_tells_what_its_prosthesis_did(tmp_path: Path) -> None:
         (["--prosthesis", "--scenario", "bus"], "turns or rides"),
     ],
 )
-def test_options_that_do_not_fit_are_refused(tmp_path: Path, more: list[str], why: str) -> None:
+@pytest.mark.parametrize("most_rendering", [0.0, 1000.0], ids=["slow host", "fast host"])
+def test_options_that_do_not_fit_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_rendering: float, more: list[str], why: str
+) -> None:
+    monkeypatch.setattr(filmed, "MOST_RENDERING", most_rendering)
     done = CliRunner().invoke(app, ["demo", "--zenoh", f"{SOCKET}{tmp_path / 'z'}", *more])
     assert isinstance(done.exception, UserError)
     assert why in str(done.exception)
+    open_hub().close()  # the simulated bus is not left open
