@@ -31,17 +31,18 @@ from messages.arrays import BoolArray, FloatArray
 from perception import so3
 from perception.motion.bent_distances import Bend
 from perception.motion.inner_motion import InnerMotion
+from perception.motion.mirrored import Disagreement, disagreement
 
 
 @dataclass(frozen=True)
 class RigidStep:
-    """δω and δv of (1) (6,), their covariance (6, 6), which points (N,) agree, what share of those near does not, the
-    noise of those that do (of a tangent), whether that was likely, and the bend of the distances."""
+    """δω and δv of (1) (6,), their covariance (6, 6), which points (N,) agree, which of those near do not, the noise
+    of those that do (of a tangent), whether that was likely, and the bend of the distances."""
 
     rates: FloatArray
     covariance: FloatArray
     agrees: BoolArray
-    disagreeing: float
+    disagreeing: Disagreement
     noise: float
     likely: bool
     bend: Bend
@@ -238,8 +239,8 @@ def _refined(
     likely = bool(_is_likely(rates, prior, settings))
     least = settings.least_points if likely else max(settings.least_surprising, settings.majority * seen.shape[1])
     bend = _bend(points.places, h, weight * share, along, flow, inverse, noise)
-    near = np.count_nonzero(distance < settings.near_px / settings.f_px)
-    disagreeing = 1.0 - np.count_nonzero(agrees) / max(near, np.count_nonzero(agrees))
+    near = agrees | (distance < settings.near_px / settings.f_px)
+    disagreeing = disagreement(agrees[near], picture[1, near])
     step = RigidStep(rates, noise**2 * inverse, agrees, disagreeing, noise, likely, bend)
     return None if noise > most or step.inliers < least else step
 

@@ -1,4 +1,5 @@
-"""Corners that follow what a floor mirrors err alike; the noise that they show does not tell by how much."""
+"""Corners that follow what a floor mirrors err alike, and their noise does not tell by how much; corners of another
+instant err as well, but by rows."""
 
 from itertools import pairwise
 
@@ -7,7 +8,7 @@ import pytest
 
 from messages.arrays import FloatArray
 from perception.motion.inner_motion import steady_motion
-from perception.motion.mirrored import Mirrored
+from perception.motion.mirrored import LEAST_CORNERS, Disagreement, Mirrored, disagreement
 from perception.motion.rigid_step import RigidStep, solve
 from tests.perception.motion.test_rigid_step import KNOWN, SETTINGS, STEP_S, ground, in_step, measured, scene, seen
 
@@ -31,6 +32,24 @@ def steps(*, mirrored: bool) -> list[RigidStep]:
         step = solve(in_step(measured(chance, points_C), ONWARDS), shown, KNOWN, SETTINGS)
         assert step is not None
         found.append(step)
+    return found
+
+
+def torn_steps() -> list[RigidStep]:
+    """Return steps of a camera that sways, of whose pictures the lower half is always that of the frame before."""
+    found = []
+    for seed in range(FRAMES):
+        chance, points_C, _ = scene(seed, 100)
+        points = in_step(points_C, ONWARDS)
+        sway, before = (
+            np.array((0.15 * np.sin(1.6 * k), 0.1 * np.cos(1.6 * k), 0.0, 0.0, 0.0, 0.0)) for k in (seed, seed - 1)
+        )
+        shown = seen(chance, points, sway)
+        lower = points_C[:, 1] > 0.08 * points_C[:, 2]
+        shown[lower] = seen(chance, points, before)[lower]
+        step = solve(in_step(measured(chance, points_C), ONWARDS), shown, KNOWN, SETTINGS)
+        if step is not None:
+            found.append(step)
     return found
 
 
@@ -63,11 +82,29 @@ def test_on_any_other_floor_it_is_what_it_was() -> None:
     np.testing.assert_array_equal(covariances(found, alike=True), covariances(found, alike=False))
 
 
+def test_in_torn_pictures_nothing_is_allowed_for() -> None:
+    found = torn_steps()
+    assert len(found) > 0.5 * FRAMES
+    assert np.mean([step.disagreeing.share for step in found]) > 2.0 * Mirrored.usual_share
+    np.testing.assert_array_equal(covariances(found, alike=True), covariances(found, alike=False))
+
+
+def test_how_rows_divide_those_that_disagree() -> None:
+    rows = np.random.default_rng(3).permutation(40).astype(np.float64)
+    assert disagreement(rows < 20, rows) == Disagreement(0.5, 1.0)
+    assert disagreement(rows >= 26, rows) == Disagreement(0.65, 1.0)
+    assert disagreement(rows % 2 == 0, rows).by_rows < 0.15
+    assert disagreement(rows >= 0, rows) == Disagreement(0.0, 0.0)
+    few = LEAST_CORNERS - 1
+    assert disagreement(rows[:few] < 0, rows[:few]) == Disagreement(1.0, 0.0)
+    assert disagreement(rows[:0] < 0, rows[:0]) == Disagreement(0.0, 0.0)
+
+
 def test_corners_are_said_to_err_alike_by_more_the_more_of_them_disagree_and_the_larger_their_noise() -> None:
     def after(disagreeing: float, noise: float) -> float:
         floor = Mirrored()
         for _ in range(50):
-            floor.add(disagreeing, noise)
+            floor.add(Disagreement(disagreeing, by_rows=0.4), noise)
         return floor.common_error
 
     assert after(Mirrored.usual_share, 1e-3) == 0.0
@@ -85,4 +122,4 @@ def test_a_body_beside_the_ground_is_no_disagreement() -> None:
     shown[50:] = points_C[50:, :2] / points_C[50:, 2:]
     step = solve(points, shown, KNOWN, SETTINGS)
     assert step is not None
-    assert step.disagreeing < Mirrored.usual_share
+    assert step.disagreeing.share < Mirrored.usual_share
