@@ -48,6 +48,7 @@ from perception.motion.watch import MotionWatch
 from perception.sample_guard import SampleGuard
 from perception.terrain.estimator import TerrainEstimator
 from perception.terrain.path_ahead import PathAhead
+from perception.terrain.path_matching import Beside, PathMatching
 from perception.terrain.surfaces import PathSurfaces
 
 LONGEST_WAIT_NS = 20_000_000
@@ -136,6 +137,10 @@ class Pipeline:
     def surfaces(self) -> PathSurfaces:
         """Return the surfaces of the path that the newest terrain with numbers was made of."""
         return self._terrain.surfaces
+
+    def match_path_beside(self, beside: Beside) -> None:
+        """Let another thread, always the same, match the path while the rest is done; the estimates are the same."""
+        self._terrain.beside = beside
 
     def step(self, message: Input) -> Iterator[Estimate]:
         """Take one input, in the order of arrival, and yield the estimates that it completes, each when it is ready.
@@ -226,6 +231,8 @@ class Pipeline:
     def _estimate_ground(self, frame: Frame) -> Iterator[Estimate]:
         self._waiting = None
         self._passes_over = self._load is Load.REDUCED and not self._passes_over
+        foretold = None if self._passes_over else self._attitude.at(frame.header.t_exposure_ns)
+        matching = None if foretold is None else self._terrain.begin_matching(frame, foretold.R_WB)
         follows = not (self._passes_over and self._motion.can_miss(frame.header.t_exposure_ns))
         step = self._motion.add_frame(frame, self._attitude.foretold) if follows else None
         if self._motion.scale_is_doubtful:
@@ -249,7 +256,7 @@ class Pipeline:
         self._propagate(ground, placed)
         yield self._motion_of(frame.header, placed)
         if not self._passes_over:
-            terrain = self._terrain_of(frame, placed, ground)
+            terrain = self._terrain_of(frame, placed, ground, matching)
             self._kind = terrain.kind
             yield self._gait.with_foothold(terrain, steps, ground, path)
         if follows:
@@ -322,7 +329,9 @@ class Pipeline:
             return self._odometry.no_motion(header.t_exposure_ns, header.seq, Reason.LOW_TEXTURE)
         return self._odometry.motion(header.t_exposure_ns, header.seq, movement)
 
-    def _terrain_of(self, frame: Frame, placed: AttitudeAt | Reason, ground: GroundPlane) -> Terrain:
+    def _terrain_of(
+        self, frame: Frame, placed: AttitudeAt | Reason, ground: GroundPlane, matching: PathMatching | None
+    ) -> Terrain:
         """Return the terrain; why there is no `ground` holds for it too where the pictures are wrong."""
         if not isinstance(placed, Reason) and ground.reason in PICTURES_WRONG:
             placed = ground.reason
@@ -340,6 +349,7 @@ class Pipeline:
             height_rate_mps=placed.vertical_swing_mps,
             distance_scale=self._attitude.distance_scale,
             ground=ground,
+            matching=matching,
         )
         if self._ground.makes_ambiguous(ground, self._terrain.surfaces.surfaces):
             return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, self._ambiguous_path())

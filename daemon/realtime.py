@@ -16,7 +16,16 @@ import cv2
 
 log = logging.getLogger("gaiteyes")
 
-FIFO_PRIORITIES = {"imu": 30, "timer": 25, "can": 20, "ankle": 20, "camera": 15, "pipeline": 10, "main": 5}
+FIFO_PRIORITIES = {
+    "imu": 30,
+    "timer": 25,
+    "can": 20,
+    "ankle": 20,
+    "camera": 15,
+    "pipeline": 10,
+    "path": 10,
+    "main": 5,
+}
 """SCHED_FIFO by thread: a sample that is late is worse than a plane. The recorder and Zenoh's threads stay ordinary.
 
 Matching has a priority too, the lowest that counts: the interpreter's lock knows no priority inheritance, and an IMU

@@ -3,8 +3,8 @@
     IMU thread ──────┐                                            ┌─ Zenoh
     camera thread ───┤            pipeline thread                 ├─ CAN (its own thread)
     ankle thread ────┼─ Inbox ─── Pipeline.step ──── estimates ───┼─ Recorder (its own thread)
-    timer thread ────┘                                            ├─ Pictures (its own thread, while somebody looks)
-                                                                  └─ observers
+    timer thread ────┘                  │ ↑                       ├─ Pictures (its own thread, while somebody looks)
+                                    path thread                   └─ observers
 
                             state thread: what the pipeline has learnt, once a minute and at the end ─ StateKeeper
 
@@ -12,9 +12,11 @@ The timer also tells the device counters once a second and decides the load leve
 """
 
 import logging
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from daemon.inbox import Inbox
@@ -44,6 +46,7 @@ from messages import (
     Tick,
     ZenohHealth,
 )
+from perception.terrain.path_matching import MatchedBand, Work
 
 log = logging.getLogger("gaiteyes")
 
@@ -54,6 +57,8 @@ LATE_NS = 100_000_000
 """A frame that waited longer for its turn, because the process stood still, is not computed any more."""
 STATE_EVERY_S = 60.0
 """What the unit has learnt is kept so often, and at the end."""
+_CORES = min(2, len(os.sched_getaffinity(0)))
+"""That the threads of the pipeline and of the path can keep busy."""
 LONGEST_JOIN_S = 2.0
 """How long a thread may take to end before the service gives it up: a device call may hang for ever."""
 
@@ -106,7 +111,7 @@ class Service:
         self._died: list[str] = []
         self._outages = {"imu": Outage("IMU"), "camera": Outage("camera")}
         self._priorities = priorities
-        self._pipeline_busy_ns = 0  # processor time of its thread
+        self._pipeline_busy_ns = self._path_busy_ns = 0  # processor time of the threads
         ankle = ("ankle",) if devices.ankle is not None else ()
         self.progress = Progress(("imu", "camera", "timer", "pipeline", *ankle, *self._background))
         """The rounds of the loops that must never hang; those that write files may: no estimate waits for a disk."""
@@ -191,8 +196,7 @@ class Service:
         def supervised() -> None:
             ended_well = False
             try:
-                if self._priorities:
-                    set_priority(name)
+                self._begin_thread(name)
                 work(*args)
                 ended_well = True
             finally:
@@ -203,6 +207,10 @@ class Service:
 
         # a daemon thread: one that hangs in a device must not keep the process from ending
         return threading.Thread(target=supervised, name=_THREAD + name, daemon=True)
+
+    def _begin_thread(self, name: str) -> None:
+        if self._priorities:
+            set_priority(name)
 
     def _read_imu(self) -> None:
         outage = self._outages["imu"]
@@ -250,7 +258,8 @@ class Service:
             self._inbox.put(Tick(t_ns=now_ns))
             if beat % (1_000_000_000 // TICK_NS) == 0:
                 self._inbox.put(self._counters(now_ns))
-                changed = load.decide(self._inbox.frames_superseded, self._pipeline_busy_ns, now_ns)
+                busy_ns = max(self._pipeline_busy_ns, (self._pipeline_busy_ns + self._path_busy_ns) // _CORES)
+                changed = load.decide(self._inbox.frames_superseded, busy_ns, now_ns)
                 if changed is not None:
                     log.warning("load level is now %s", changed.value)
                     self._inbox.put(LoadLevel(t_ns=now_ns, load=changed))
@@ -285,6 +294,16 @@ class Service:
         )
 
     def _run_pipeline(self) -> None:
+        with ThreadPoolExecutor(1, _THREAD + "path", self._begin_thread, ("path",)) as path_thread:
+            self._pipeline.match_path_beside(lambda work: path_thread.submit(self._matched, work).result)
+            self._run_steps()
+
+    def _matched(self, work: Work) -> tuple[MatchedBand, ...]:
+        matched = work()
+        self._path_busy_ns = time.thread_time_ns()
+        return matched
+
+    def _run_steps(self) -> None:
         while True:
             self.progress.count_round("pipeline")
             message = self._inbox.get(timeout_s=0.1)

@@ -147,31 +147,26 @@ class _Eye:
     def __init__(self, maps: tuple[Float32Array, Float32Array], divisor: int) -> None:
         self._maps, self._divisor = maps, divisor
         self._highest, self._lowest = maps[1].min(axis=1), maps[1].max(axis=1)
-        self._small: GreyImage = np.empty((0, 0), np.uint8)
 
     def warped(self, image: GreyImage, rows: slice, left: int, right: int) -> GreyImage:
         """Return rectified `rows` and columns [left, right) of a raw picture; columns outside it are black."""
         x, y = self._maps
         width = x.shape[1]
         inside = slice(max(left, 0), min(right, width))
-        small = self._reduced(image, rows)
-        warped = cv2.remap(small, x[rows, inside], y[rows, inside], cv2.INTER_LINEAR)
+        small, first = self._reduced(image, rows)
+        warped = cv2.remap(small, x[rows, inside], y[rows, inside] - np.float32(first), cv2.INTER_LINEAR)
         before, after = inside.start - left, right - inside.stop
         return cv2.copyMakeBorder(warped, 0, 0, before, after, cv2.BORDER_CONSTANT) if before or after else warped  # type: ignore[return-value]
 
-    def _reduced(self, image: GreyImage, rows: slice) -> GreyImage:
-        """Return the reduced picture, of which only what is needed for rectified `rows` is that of `image`."""
+    def _reduced(self, image: GreyImage, rows: slice) -> tuple[GreyImage, int]:
+        """Return of the reduced picture the rows that are needed for rectified `rows`, and which is the first."""
         if self._divisor == 1:
-            return image
+            return image, 0
         height, width = (size // self._divisor for size in image.shape)
-        if self._small.shape != (height, width):
-            self._small = np.zeros((height, width), np.uint8)
-        first = min(max(math.floor(self._highest[rows].min()), 0), height)
-        end = min(max(math.floor(self._lowest[rows].max()) + 2, first), height)
+        first = min(max(math.floor(self._highest[rows].min()), 0), height - 1)
+        end = min(max(math.floor(self._lowest[rows].max()) + 2, first + 1), height)
         some = image[self._divisor * first : self._divisor * end, : self._divisor * width]
-        if first < end:
-            cv2.resize(some, (width, end - first), dst=self._small[first:end], interpolation=cv2.INTER_AREA)
-        return self._small
+        return cv2.resize(some, (width, end - first), interpolation=cv2.INTER_AREA), first  # type: ignore[return-value]
 
 
 def intrinsics(lens: Lens) -> FloatArray:

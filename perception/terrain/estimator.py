@@ -1,6 +1,7 @@
 """A frame and the attitude at its mid-exposure to the published surfaces and edges of the path ahead."""
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,8 @@ from perception.terrain.near_ground import NearGround
 from perception.terrain.obstacle_memory import ObstacleMemory
 from perception.terrain.obstacles import Obstacle, Scatter, find_obstacles
 from perception.terrain.path_ahead import PathAhead, moved
-from perception.terrain.path_points import PathSettings, find_points
+from perception.terrain.path_matching import Beside, PathMatching, PathSettings, in_turn, match_path
+from perception.terrain.path_points import find_points
 from perception.terrain.profile import profile_of
 from perception.terrain.roughness import Roughness
 from perception.terrain.surfaces import PathSurfaces, Surface, find_surfaces
@@ -58,6 +60,7 @@ class TerrainEstimator:
         self._path = path or PathSettings()
         self._height_m = nominal_height_m
         self.side = side
+        self.beside: Beside = in_turn
         self.begin_anew()
 
     def begin_anew(self) -> None:
@@ -86,6 +89,19 @@ class TerrainEstimator:
         steps = higher_than_bumps(edges, _HIGHEST_BUMPS * rough_m)
         return PathAhead(tuple(steps), surfaces, seen.yaw_rad, before, rough=rough_m > ROUGH_M)
 
+    def begin_matching(self, frame: Frame, R_WB: FloatArray) -> PathMatching | None:
+        """Begin to match the path that `frame` shows, for `estimate`, where `R_WB` is its attitude as far as it is
+        known before anything has been made of the frame; None where it shows none."""
+        R_WC = R_WB @ self._R_BC
+        R_WH = heading(R_WC)
+        if R_WH is None or not self._fits(frame):
+            return None
+        return self._matching(frame, R_WH.T @ R_WC)
+
+    def _matching(self, frame: Frame, R_HC: FloatArray) -> PathMatching:
+        work = partial(match_path, self._camera, frame.images, R_HC, self._height_m, self._path)
+        return PathMatching(R_HC, self.beside(work))
+
     def estimate(
         self,
         frame: Frame,
@@ -96,24 +112,29 @@ class TerrainEstimator:
         height_rate_mps: float = 0.0,
         distance_scale: float = 0.0,
         ground: GroundPlane | None = None,
+        matching: PathMatching | None = None,
     ) -> Terrain:
         """Return the terrain in H of `frame`, given attitude, rate and velocity of the IMU at mid-exposure.
 
         `height_rate_mps` is how fast the camera moves away from the ground; `distance_scale` by what share the camera's
         distances are too long. What looks as much like the `ground` of the same frame, where that is valid, is that;
-        as its disparities scatter, so do those of things.
+        as its disparities scatter, so do those of things. `matching` is what was begun with this frame.
         """
-        if tuple(image.shape[::-1] for image in frame.images) != tuple(self._camera.image_sizes_px):
+        if not self._fits(frame):
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.WRONG_SIZE)
         R_WC = R_WB @ self._R_BC
         R_WH = heading(R_WC)
         if R_WH is None:
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.FOOTHOLD_OUT_OF_VIEW)
+        R_HC = R_WH.T @ R_WC
+        if matching is None or not matching.serves(R_HC):
+            matching = self._matching(frame, R_HC)
         w_B = np.array(w_WB_B_radps)
         points = find_points(
             self._camera,
             frame.images,
-            R_WH.T @ R_WC,
+            matching.result(),
+            R_HC,
             self._R_BC.T @ w_B,
             height_rate_mps,
             self._height_m,
@@ -154,6 +175,9 @@ class TerrainEstimator:
             foothold=NextFoothold.unknown(self.side),
             calibration_id=self._calibration_id,
         )
+
+    def _fits(self, frame: Frame) -> bool:
+        return tuple(image.shape[::-1] for image in frame.images) == tuple(self._camera.image_sizes_px)
 
     def no_terrain(self, t_exposure_ns: int, frame_seq: int, reason: Reason) -> Terrain:
         """Return the estimate that says only why there is none."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from perception.terrain.edges import Edge
-from perception.terrain.path_points import PathSettings
+from perception.terrain.path_matching import PathSettings
 from perception.terrain.surfaces import Surface
 
 

@@ -1,6 +1,7 @@
 """The pipeline: waiting for the IMU, saying silence, refusing bad samples, the same bytes for the same inputs."""
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import msgspec
@@ -34,6 +35,7 @@ from perception.attitude.track import AttitudeTrack
 from perception.frame_guard import FrameGuard
 from perception.ground.foothold import FootholdSettings
 from perception.motion.watch import MotionWatch
+from perception.terrain.path_matching import Work
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
@@ -198,13 +200,30 @@ def test_before_the_start_there_is_a_status_and_no_number(undisturbed: list[Esti
     assert last.height_m == pytest.approx(0.95, abs=0.05)
 
 
+def lines(estimates: list[Estimate]) -> list[bytes]:
+    return [encode_line(TOPIC_OF[type(estimate)], estimate) for estimate in estimates]
+
+
 def test_the_same_inputs_give_the_same_bytes(
     wearer: SimulatedWearer, inputs: list[Input], undisturbed: list[Estimate]
 ) -> None:
-    def lines(estimates: list[Estimate]) -> list[bytes]:
-        return [encode_line(TOPIC_OF[type(estimate)], estimate) for estimate in estimates]
-
     assert lines(run(pipeline(wearer), inputs)) == lines(undisturbed)
+
+
+def test_the_bytes_are_the_same_where_another_thread_matches_the_path(
+    wearer: SimulatedWearer, inputs: list[Input], undisturbed: list[Estimate]
+) -> None:
+    pipe, done = pipeline(wearer), list[int]()
+    with ThreadPoolExecutor(1) as thread:
+
+        def beside(work: Work) -> Work:
+            matching = thread.submit(work)
+            matching.add_done_callback(lambda future: done.append(len(future.result())))
+            return matching.result
+
+        pipe.match_path_beside(beside)
+        assert lines(run(pipe, inputs)) == lines(undisturbed)
+    assert sum(done) > 20
 
 
 def without_imu_after(inputs: list[Input], t_ns: int) -> Iterator[Input]:

@@ -35,6 +35,7 @@ from messages import (
     ZenohHealth,
 )
 from perception.ground.foothold import FootholdSettings
+from perception.terrain import estimator
 from sim_rig.unit import draw_unit
 from tests.bench.quiet_devices import GreyCamera, QuietImu
 
@@ -184,6 +185,16 @@ def test_an_observer_with_a_bug_stops_the_service(calibration: Calibration) -> N
     )
     with pytest.raises(ServiceError, match="pipeline"):
         service.run(20.0)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_bug_in_what_the_path_thread_does_stops_the_service(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    def match(*_args: object) -> None:
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr(estimator, "match_path", match)
+    with pytest.raises(ServiceError, match="thread pipeline of the service died"):
+        rig.service.run(20.0)
 
 
 def test_health_tells_the_devices_counters(rig: Rig) -> None:

@@ -6,7 +6,8 @@ import pytest
 from messages import Lens, Pose, StereoCalibration, matrix3
 from messages.arrays import FloatArray, GreyImage
 from perception.depth.stereo_camera import StereoCamera
-from perception.terrain.path_points import PathPoints, PathSettings, find_points
+from perception.terrain.path_matching import PathSettings, match_path
+from perception.terrain.path_points import PathPoints, find_points
 
 HEIGHT_M, DROP_M, LIP_M, CHECK_M, ASKEW_RAD = 0.85, 0.15, 1.0, 0.018, 0.3
 BASELINE_M, F_PX, SIZE_PX = 0.12, 350.0, (640, 360)
@@ -52,9 +53,9 @@ def pictures(drop_m: float) -> tuple[GreyImage, GreyImage]:
 
 
 def seen(drop_m: float, nearness_H: FloatArray | None) -> PathPoints:
-    return find_points(
-        camera(), pictures(drop_m), R_HC, np.zeros(3), 0.0, HEIGHT_M, PathSettings(), nearness_H=nearness_H
-    )
+    eyes, images, path = camera(), pictures(drop_m), PathSettings()
+    matched = match_path(eyes, images, R_HC, HEIGHT_M, path)
+    return find_points(eyes, images, matched, R_HC, np.zeros(3), 0.0, HEIGHT_M, path, nearness_H=nearness_H)
 
 
 def test_squares_that_are_matched_one_too_far_or_too_near_are_the_ground_that_is_known() -> None:
