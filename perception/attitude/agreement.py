@@ -7,6 +7,9 @@ With y_k the innovation of the turn in one step of Δt, as the filter has it aft
 contradicts beyond a bound: what matters of a wrong rate is the attitude that it spoils. A bias that jumps is followed
 before it reaches the bound; a wrong sign or axis is not. The squares of the innovations over their likely ones, of the
 turn and of the travel, contradict where their fading mean is far too large.
+
+Pictures that stand still whatever the wearer does agree with the IMU as soon as the wearer stands. Where such pictures
+have contradicted, only a motion that they show can make them agree again.
 """
 
 import enum
@@ -38,6 +41,7 @@ class AgreementSettings:
     settled_s: float = 0.5
     settled_rad: float = math.radians(0.9)  # about half of `most_rad`, so that it does not contradict at once again
     retry_s: float = 1.2  # to settle, and as long again
+    still_radps: float = 0.02  # seen, that is no turn: above the camera's noise, below a walker's turns
     grace_s: float = 0.5  # after a contradiction began: a cause found by then may explain it, and the state is kept
 
 
@@ -52,6 +56,11 @@ class Innovation(NamedTuple):
     turn_squares: float
     travel_squares: float
     explained: bool = False
+
+    @property
+    def seen_radps(self) -> float:
+        """Return how fast the camera turned."""
+        return float(np.linalg.norm(self.seen_rad)) / self.duration_s
 
     def turn_alone(self) -> "Innovation":
         """Return what is left where distances are wrong: neither the travel counts nor many small turns together."""
@@ -79,6 +88,8 @@ class Agreement:
         self._turn_squares = self._travel_squares = 1.0
         self._contradicted_s = self._untried_s = self._settled_s = 0.0
         self._settling_rad: FloatArray = np.zeros(3)
+        self._still_share = 0.0
+        self._settling_radps = 0.0
 
     def add(self, step: Innovation) -> Advice:
         """Take a step; return what to do with the state that it has corrected."""
@@ -109,9 +120,14 @@ class Agreement:
         """Return whether the gyroscope is wrong: no cause has explained in time what contradicts."""
         return self._turn_is_off and not self._explained and self._contradicted_s >= self.settings.grace_s
 
+    def is_shown(self, fastest_radps: float) -> bool:
+        """Return whether pictures that agree again, and have shown no faster turn than `fastest_radps` meanwhile, have
+        moved, if it was pictures that stood still which contradicted."""
+        return self._still_share < _MOSTLY or fastest_radps > self.settings.still_radps
+
     def interrupt(self) -> None:
         """Take note that a step is missing: what agrees again must do so in one piece."""
-        self._settled_s, self._settling_rad = 0.0, np.zeros(3)
+        self._settled_s, self._settling_rad, self._settling_radps = 0.0, np.zeros(3), 0.0
 
     def _advice(self, step: Innovation) -> Advice:
         settings = self.settings
@@ -119,11 +135,17 @@ class Agreement:
         self._explained = (self._explained or step.explained) and self._contradicted_s < 2.0 * settings.grace_s
         self._settled_s += step.duration_s
         self._settling_rad = self._settling_rad + step.missing_rad
+        self._settling_radps = max(self._settling_radps, step.seen_radps)
         if not self._is_usual(step) or float(np.linalg.norm(self._settling_rad)) > settings.settled_rad:
             self.interrupt()
-        if self._settled_s >= settings.settled_s * (0.5 if self._explained else 1.0):
+        if max(step.turn_squares, step.travel_squares) > settings.usual_squares:
+            still = step.seen_radps < settings.still_radps
+            self._still_share += step.duration_s / settings.average_s * (still - self._still_share)
+        long_enough = self._settled_s >= settings.settled_s * (0.5 if self._explained else 1.0)
+        if long_enough and self.is_shown(self._settling_radps):
             discard = self._turn_is_off and not self._explained
             self._turn_is_off = self._explained = self.contradicted = False
+            self._still_share = 0.0
             self._missing_rad, self._seen_rad = np.zeros(3), np.zeros(3)
             self._turn_squares = self._travel_squares = 1.0
             self._contradicted_s = self._untried_s = 0.0
@@ -143,3 +165,6 @@ class Agreement:
         if not self._turn_is_off or self._explained:
             usual = max(usual, step.travel_squares, 0.0 if self._explained else self._travel_squares)
         return usual <= self.settings.usual_squares
+
+
+_MOSTLY = 0.5

@@ -46,11 +46,14 @@ class Confirmation:
     def begin(self) -> None:
         """Let a run of steps begin."""
         self._run_s, self._missing_rad, self._squares = 0.0, np.zeros(3), 1.0
+        self.fastest_radps = 0.0
+        """How fast the camera turned in the fastest step of the run."""
 
     def add(self, step: Innovation) -> bool:
         """Take the next step of the run, an accepted one; return whether it is usual."""
         settings = self.settings
         self._run_s += step.duration_s
+        self.fastest_radps = max(self.fastest_radps, step.seen_radps)
         if self._run_s <= settings.found_s:
             return True
         self._missing_rad = self._missing_rad + step.missing_rad

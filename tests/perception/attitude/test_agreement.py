@@ -18,9 +18,16 @@ NONE = np.zeros(3)
 ACCEL, GYRO = range(3), range(3, 6)
 
 
-def said(agreement: Agreement, steps: int, missing_rad: np.ndarray, turn: float = 1.0, travel: float = 1.0) -> bool:
-    """Add equal steps, in which a walker turns by 0.025 rad; return whether they contradict in the end."""
-    seen = np.array([0.025, 0.0, 0.0])
+def said(
+    agreement: Agreement,
+    steps: int,
+    missing_rad: np.ndarray,
+    turn: float = 1.0,
+    travel: float = 1.0,
+    seen_rad: float = 0.025,
+) -> bool:
+    """Add equal steps, in which the camera turns by so much; return whether they contradict in the end."""
+    seen = np.array([seen_rad, 0.0, 0.0])
     for _ in range(steps):
         agreement.add(Innovation(STEP_S, seen, missing_rad, turn, travel))
     return agreement.contradicted
@@ -57,6 +64,21 @@ def test_what_contradicted_agrees_again_after_half_a_second_in_one_piece() -> No
     assert 8 <= advice.index(Advice.DISCARD) <= 35
     assert Advice.DISCARD not in advice[35:]
     assert not agreement.contradicted
+
+
+@pytest.mark.parametrize("squares", [(40.0, 1.0), (1.0, 40.0)], ids=["turn", "travel"])
+def test_pictures_that_stood_still_agree_only_once_they_have_moved(squares: tuple[float, float]) -> None:
+    agreement, noise_rad, sway_rad = Agreement(), 0.0003, 0.002
+    assert said(agreement, 40, NONE, *squares, seen_rad=noise_rad)
+    assert said(agreement, 100, NONE, seen_rad=noise_rad)  # the wearer stands
+    said(agreement, 1, NONE, seen_rad=sway_rad)
+    assert not said(agreement, 12, NONE, seen_rad=noise_rad)
+
+
+def test_pictures_that_moved_agree_while_the_wearer_stands() -> None:
+    agreement = Agreement()
+    assert said(agreement, 40, NONE, turn=40.0)
+    assert not said(agreement, 40, NONE, seen_rad=0.0)
 
 
 def test_a_travel_that_contradicts_is_tried_afresh_with_the_turns() -> None:
