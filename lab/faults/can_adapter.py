@@ -83,6 +83,12 @@ class SimulatedCanAdapter:
         if select.select([self._ends[0]], [], [], timeout_s)[0]:
             yield from self._frames_in(os.read(self._ends[0], 4096))
 
+    def discard(self) -> None:
+        """Drop what the daemon has sent and nobody has read: a receiver would take it for as new as when it is read."""
+        self._partial = b""
+        while self._ends is not None and select.select([self._ends[0]], [], [], 0.0)[0]:
+            os.read(self._ends[0], 4096)
+
     def _send_traffic(self, port: int) -> Iterator[CanFrame]:
         """Send what is due to the daemon, and yield of it what others on the bus may take for the daemon's."""
         now_ns = time.monotonic_ns()

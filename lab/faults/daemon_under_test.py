@@ -108,6 +108,7 @@ class DaemonUnderTest:
         self._first_look = self._free_from_ns = self._free_mark = None
         if daemon is not None and not daemon.stop():
             self.hung_stops += 1
+        self.adapter.discard()
 
     def close(self) -> None:
         """End everything that runs."""

@@ -47,6 +47,17 @@ def test_the_ankle_is_heard_and_the_daemon_is_heard(adapter: SimulatedCanAdapter
     assert served(adapter, link, lambda: link.counters.ankle_states >= 3) == sent
 
 
+def test_what_is_discarded_is_not_heard_later(adapter: SimulatedCanAdapter, link: CanLink) -> None:
+    before, after = (list(CanEncoder().ground(ground(), stamp(seq=seq), 0.04)) for seq in (0, 9))
+    for frame in before:
+        link.send(frame)
+    link.close()  # all of it is on the bus
+    adapter.discard()
+    with contextlib.closing(CanLink(adapter.settings)) as again:
+        assert [again.send(frame) for frame in after] == [SendResult.SENT] * 2
+        assert served(adapter, again, lambda: again.counters.ankle_states >= 3) == after
+
+
 def test_corrupted_states_of_the_ankle_are_refused(adapter: SimulatedCanAdapter, link: CanLink) -> None:
     served(adapter, link, lambda: link.counters.ankle_states >= 1)
     adapter.ankle_corrupted = True
