@@ -10,6 +10,7 @@ import logging
 import os
 import resource
 import sys
+import threading
 from collections.abc import Iterator
 
 import cv2
@@ -50,6 +51,11 @@ def set_priority(thread: str) -> None:
     """Give the calling thread the priority of its name, if it has one. Raises OSError if the host refuses."""
     if thread in FIFO_PRIORITIES:
         _schedule(FIFO_PRIORITIES[thread])
+
+
+def give_way() -> None:
+    """Let the calling thread, one without a real-time priority, leave the processor to others sooner (nice of 5)."""
+    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 5)
 
 
 def reset_priority() -> None:

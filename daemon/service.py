@@ -25,7 +25,7 @@ from daemon.load import LoadDecision
 from daemon.outgoing import Observer, Outgoing, Publisher
 from daemon.pictures import Pictures
 from daemon.pipeline import Pipeline
-from daemon.realtime import paced_interpreter, request_priorities, reset_priority, set_priority
+from daemon.realtime import give_way, paced_interpreter, request_priorities, reset_priority, set_priority
 from daemon.recorder import Recorder
 from daemon.stamping import Stamper
 from daemon.state_file import StateKeeper
@@ -294,9 +294,13 @@ class Service:
         )
 
     def _run_pipeline(self) -> None:
-        with ThreadPoolExecutor(1, _THREAD + "path", self._begin_thread, ("path",)) as path_thread:
+        with ThreadPoolExecutor(1, _THREAD + "path", self._begin_path_thread) as path_thread:
             self._pipeline.match_path_beside(lambda work: path_thread.submit(self._matched, work).result)
             self._run_steps()
+
+    def _begin_path_thread(self) -> None:
+        give_way()
+        self._begin_thread("path")
 
     def _matched(self, work: Work) -> tuple[MatchedBand, ...]:
         matched = work()
