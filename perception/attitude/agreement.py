@@ -120,9 +120,9 @@ class Agreement:
         """Return whether the gyroscope is wrong: no cause has explained in time what contradicts."""
         return self._turn_is_off and not self._explained and self._contradicted_s >= self.settings.grace_s
 
-    def is_shown(self, fastest_radps: float) -> bool:
-        """Return whether pictures that agree again, and have shown no faster turn than `fastest_radps` meanwhile, have
-        moved, if it was pictures that stood still which contradicted."""
+    def may_agree(self, fastest_radps: float) -> bool:
+        """Return whether pictures that have agreed since, and shown a turn of `fastest_radps` at most, may be believed:
+        unless it was pictures standing still that contradicted, and they may stand still yet."""
         return self._still_share < _MOSTLY or fastest_radps > self.settings.still_radps
 
     def interrupt(self) -> None:
@@ -142,7 +142,7 @@ class Agreement:
             still = step.seen_radps < settings.still_radps
             self._still_share += step.duration_s / settings.average_s * (still - self._still_share)
         long_enough = self._settled_s >= settings.settled_s * (0.5 if self._explained else 1.0)
-        if long_enough and self.is_shown(self._settling_radps):
+        if long_enough and self.may_agree(self._settling_radps):
             discard = self._turn_is_off and not self._explained
             self._turn_is_off = self._explained = self.contradicted = False
             self._still_share = 0.0
@@ -168,3 +168,4 @@ class Agreement:
 
 
 _MOSTLY = 0.5
+"""Of the steps that contradict."""

@@ -240,7 +240,7 @@ class AttitudeTrack:
             one_piece = not begun or step.t_before_ns <= trial.t_ns + _OVERLAP_NS
             if one_piece and self._agrees(trial, step, begun=begun, moves=now.ground.moves):
                 self._trial = self._filter.save()
-                if not (self._confirmation.is_complete and self._agreement.is_shown(self._confirmation.fastest_radps)):
+                if not (self._confirmation.is_complete and self._agreement.may_agree(self._confirmation.fastest_radps)):
                     self._filter.restore(now)
                     return
                 self._step_end, self._trial, self._agreement = self._trial, None, Agreement()

@@ -11,14 +11,14 @@ that do scatter by σ. From the means of both over the last frames the common er
 of a ray's tangent, where s₀ is the share that other bodies, and noise that is not normal, leave at most. On a floor
 that mirrors nothing c is 0.
 
-So it is where corners disagree because part of the picture is of another instant, torn: such errors are not small and
-must be told, not allowed for. All corners below some row disagree then and none above it, or the reverse. Of the split
-of the rows that divides them most,
+Corners also disagree where part of the picture is of another instant, torn; such errors must be told and not allowed
+for, and c is 0 again. All corners below some row disagree then and none above it, or the reverse: at the row that
+divides them most,
 
     r = max |s(above) − s(below)|                                                                                 (2)
 
-is 0.3 to 0.5 where lamps are mirrored and 0.8 to 0.95 in torn pictures, while the camera shakes; in steps in which it
-does not few disagree, so that r is averaged with the weight s, over more frames.
+is 0.3 to 0.5 where lamps are mirrored, and 0.8 to 0.95 in torn pictures while the camera shakes. While it does not few
+corners disagree, so r is averaged with the weight s, over more frames.
 """
 
 from typing import NamedTuple
@@ -38,9 +38,10 @@ class Disagreement(NamedTuple):
 
 
 def disagreement(agrees: BoolArray, rows: FloatArray) -> Disagreement:
-    """Return what share of corners near a motion do not agree with it, and how they are divided; `agrees` and `rows`
-    are (N,), in any unit. Fewer than
-    `LEAST_CORNERS` tell no division."""
+    """Return what share of the corners near a motion does not agree with it, and how the rows divide them.
+
+    `agrees` and `rows`, in any unit, are (N,). Fewer than `LEAST_CORNERS` tell no division.
+    """
     count = len(rows)
     if count < LEAST_CORNERS:
         return Disagreement(float(np.count_nonzero(~agrees)) / max(count, 1), 0.0)
