@@ -294,6 +294,9 @@ class Service:
         )
 
     def _run_pipeline(self) -> None:
+        if _CORES == 1:
+            self._run_steps()
+            return
         with ThreadPoolExecutor(1, _THREAD + "path", self._begin_path_thread) as path_thread:
             self._pipeline.match_path_beside(lambda work: path_thread.submit(self._matched, work).result)
             self._run_steps()

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from daemon import service as service_module
 from daemon.pipeline import Pipeline
 from daemon.service import LATE_NS, Devices, Service
 from daemon.stamping import Stamper
@@ -32,6 +33,7 @@ from messages import (
     Stamp,
     Status,
     StereoFrame,
+    Terrain,
     ZenohHealth,
 )
 from perception.ground.foothold import FootholdSettings
@@ -195,6 +197,23 @@ def test_a_bug_in_what_the_path_thread_does_stops_the_service(rig: Rig, monkeypa
     monkeypatch.setattr(estimator, "match_path", match)
     with pytest.raises(ServiceError, match="thread pipeline of the service died"):
         rig.service.run(20.0)
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_the_path_has_a_thread_where_there_is_a_processor_for_it(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, cores: int
+) -> None:
+    monkeypatch.setattr(service_module, "_CORES", cores)
+    names = set[str]()
+
+    def look() -> None:
+        names.update(thread.name.rstrip("_0") for thread in threading.enumerate())
+        if any(isinstance(e, Terrain) and e.reason is Reason.LOW_TEXTURE for e, _ in rig.listener.heard):
+            rig.service.stop()
+
+    rig.service.run(20.0, each_s=0.02, status=look)
+    assert "gaiteyes-pipeline" in names
+    assert ("gaiteyes-path" in names) is (cores == 2)
 
 
 def test_health_tells_the_devices_counters(rig: Rig) -> None:
