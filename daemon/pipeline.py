@@ -231,8 +231,8 @@ class Pipeline:
     def _estimate_ground(self, frame: Frame) -> Iterator[Estimate]:
         self._waiting = None
         self._passes_over = self._load is Load.REDUCED and not self._passes_over
-        foretold = None if self._passes_over else self._attitude.at(frame.header.t_exposure_ns)
-        matching = None if foretold is None else self._terrain.begin_matching(frame, foretold.R_WB)
+        by_imu = None if self._passes_over else self._attitude.at(frame.header.t_exposure_ns)
+        matching = None if by_imu is None else self._terrain.begin_matching(frame, by_imu.R_WB)
         follows = not (self._passes_over and self._motion.can_miss(frame.header.t_exposure_ns))
         step = self._motion.add_frame(frame, self._attitude.foretold) if follows else None
         if self._motion.scale_is_doubtful:

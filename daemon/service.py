@@ -302,8 +302,7 @@ class Service:
             self._run_steps()
 
     def _begin_path_thread(self) -> None:
-        give_way()
-        self._begin_thread("path")
+        self._begin_thread("path") if self._priorities else give_way()
 
     def _matched(self, work: Work) -> tuple[MatchedBand, ...]:
         matched = work()
