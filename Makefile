@@ -72,6 +72,7 @@ check: lint contracts
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python docs/make_api.py --check
 
 types: $(INSTALLED)
 	$(BIN)/mypy
