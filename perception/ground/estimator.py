@@ -92,7 +92,8 @@ class GroundEstimator:
         `v_W_mps` is the velocity of the IMU; without it nobody asks whether the view is deformed.
         `distance_scale` is by what share the camera's distances are too long, `focal_difference` what is known of its
         eyes' focal lengths beyond the calibration. A plane that contradicts the track begins no new one unless it
-        `may_begin`: while the camera's motion cannot be followed, what matches may be chance, and is UNCONFIRMED.
+        `may_begin`: while the camera's motion cannot be followed, what matches may be chance, and is UNCONFIRMED. Nor
+        does one beside which much else is seen.
         With `reduced` only the middle half of the region's width is matched.
         `place_m`, x and y of H, is where the foot will land; the region is about it, on the surface that `path` shows
         there. Without it the settings' own region is measured.
@@ -159,6 +160,8 @@ class GroundEstimator:
             R_WH,
             attitude_cov_W,
             may_begin=begins and not view.doubtful,
+            even=rough or self._meter.is_even(measured.fit),
+            v_W_mps=v_C_W,
         )
         if tracked is None and self._tracks:
             self._view.begin_anew()

@@ -59,8 +59,8 @@ class GroundMeter:
     least_inlier_share = 0.30
     most_blind_share = 0.4
     even_share = 0.75
+    """What fewer inliers lie on may be chance: a blurred eye matches stripes half a period off, to either side."""
     even_noise_px = 0.3
-    """Where a plane has fewer inliers, or more noise, rough ground may explain the region better."""
     faint_inlier_share = 0.9
     faint_factor = 2.5
     """So many times what its blocks show a plane of faint texture may be off, where matches err alike over larger
@@ -135,8 +135,8 @@ class GroundMeter:
         common_px = self.beside_unseen_px * unseen_share
         pixels, fit = self._fitted(all_near, region, common_px, expected)
         points_H, disparity_px = pixels.points_H, pixels.disparity_px
-        if rough or fit is None or not self.is_even(fit) or fit.noise_px > self.even_noise_px:
-            through = rough_plane(points_H, disparity_px / np.abs(points_H[:, 2]), region, known=rough)
+        if rough:
+            through = rough_plane(points_H, disparity_px / np.abs(points_H[:, 2]), region)
             if through is not None:
                 lasting = self._residual_cov(through.plane, R_HC, focal_difference)
                 return GroundMeasurement(Reason.NONE, matched_share, through, lasting, patch)
@@ -219,7 +219,7 @@ class GroundMeter:
         return fit.noise_px >= self._fitter.most_noise_px
 
     def is_even(self, fit: PlaneFit) -> bool:
-        """Return whether nearly all that is near the plane lies on it, and not on bumps about it."""
+        """Return whether nearly all that is near the plane lies on it, and not on bumps about it, or on another."""
         return fit.inlier_share >= self.even_share and fit.rough_m == 0.0
 
     def _unseen(self, reason: Reason, images: Sequence[Image], points_C: FloatArray) -> Reason:

@@ -3,7 +3,9 @@
 The gradient of the ground in W does not change while the wearer walks on it, so a Kalman filter with a small
 process noise averages the frames; the height follows the hip and is re-measured by each frame. A frame that
 contradicts the track (an edge: kerb, stair, foot of a ramp) starts a new one once the next frame confirms it: a chance
-match of a picture that shows nothing does not come twice. The attitude's error is common to all
+match of a picture that shows nothing does not come twice. Where much else than the plane is seen, it may be what a
+blurred eye matches in each frame: such a one has to agree with the track as the camera's velocity carries it, and
+starts none. The attitude's error is common to all
 frames of a track until the attitude is corrected: a Kalman filter that goes from covariance P to P' corrects itself by
 N(0, P − P'), and the track has it still.
 
@@ -17,6 +19,7 @@ A plane known from elsewhere, z₀, that a single picture has shown so far is ei
 until a second picture agrees or, where none comes any more, for as long as it is carried.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -58,6 +61,11 @@ class _Track:
     is_shown: bool = True
     apart: FloatArray = field(default_factory=lambda: np.zeros(3))
 
+    def carried(self, since_s: float, v_W_mps: FloatArray) -> "_Track":
+        """Return it after `since_s`, in which the camera comes away from it by v · (−a, −b, 1) a second."""
+        a, b, h = self.state
+        return replace(self, state=np.array([a, b, h + since_s * float(v_W_mps @ np.array([-a, -b, 1.0]))]))
+
     @property
     def doubt(self) -> FloatArray:
         """Return the covariance (3, 3) of a plane that a single picture has shown, beside its own."""
@@ -85,19 +93,18 @@ class PlaneTracker:
     ) -> tuple[Plane, FloatArray] | None:
         """Return the plane in H that is not seen any more, and its covariance (a, b, h), without the attitude's.
 
-        The camera, which moves by `v_W_mps` (3,), has come away from it by v · (−a, −b, 1) a second since the track was
-        last brought up to a frame. None without a track that was seen within `longest_gap_s`.
+        The camera moves by `v_W_mps` (3,) since the track was last brought up to a frame. None without a track that was
+        seen within `longest_gap_s`.
         """
         track = self._track
         if track is None or self._is_too_old(track, t_ns):
             return None
         since_s = 1e-9 * (t_ns - track.t_ns)
-        a, b, h = track.state
-        state = np.array([a, b, h + since_s * float(v_W_mps @ np.array([-a, -b, 1.0]))])
         grown = np.diag([0.0, 0.0, (_CARRIED_MPS * since_s) ** 2])
         cov, turn = track.cov + grown, _turn(R_WH)
-        self._track = replace(track, t_ns=t_ns, state=state, cov=cov, attitude_cov_W=attitude_cov_W)
-        return _plane(turn.T @ state), turn.T @ (cov + track.doubt) @ turn
+        moved = track.carried(since_s, v_W_mps)
+        self._track = replace(moved, t_ns=t_ns, cov=cov, attitude_cov_W=attitude_cov_W)
+        return _plane(turn.T @ moved.state), turn.T @ (cov + track.doubt) @ turn
 
     def miss(self) -> None:
         """Take a frame that shows no plane."""
@@ -127,11 +134,14 @@ class PlaneTracker:
         attitude_cov_W: FloatArray,
         *,
         may_begin: bool = True,
+        even: bool = True,
+        v_W_mps: FloatArray | None = None,
     ) -> tuple[Plane, FloatArray] | None:
         """Take one frame's plane in H; return the plane in H that the track now holds and its covariance (a, b, h).
 
         None where the frame contradicts the track, or there is none, and the frame before does not confirm it; one of
-        which little matched confirms nothing, nor does one that `may_begin` no track.
+        which little matched confirms nothing, nor does one that `may_begin` no track, nor one that is not `even`, and
+        this has to agree soon, and with the track as it is carried at `v_W_mps` (3,), where that is known.
         `attitude_cov_W` (2, 2), rad², is what the attitude's covariance means for the gradient in W. It is told apart:
         the covariance that is returned, (2), is without it.
         """
@@ -139,10 +149,13 @@ class PlaneTracker:
         jitter = self._settings.attitude_jitter_rad**2
         seen_cov = turn @ fit.covariance @ turn.T + np.diag([jitter, jitter, 0.0])
         seen = _Track(t_ns, turn @ fit.plane.abh, seen_cov, attitude_cov_W, t_ns, rough=fit.rough_m > 0.0)
-        track = self._joined(self._track, seen, self._settings.longest_gap_s)
+        if even:
+            track = self._joined(self._track, seen, self._settings.longest_gap_s)
+        else:
+            track = self._joined(self._track, seen, self._settings.confirmed_within_s, v_W_mps)
         if track is None:
             candidate = self._joined(self._candidate, seen, self._settings.confirmed_within_s)
-            believable = may_begin and matched_share >= self._settings.believable_share
+            believable = may_begin and even and matched_share >= self._settings.believable_share
             self._candidate, self._between = seen if believable else None, 0
             track = candidate if believable else None
         if track is None:
@@ -151,11 +164,18 @@ class PlaneTracker:
         lag_H = turn.T @ (track.state - seen.state)
         return _plane(turn.T @ track.state), fit.covariance + np.outer(lag_H, lag_H) + turn.T @ track.doubt @ turn
 
-    def _joined(self, before: _Track | None, seen: _Track, within_s: float) -> _Track | None:
-        """Return `before` with what is seen, or None where they contradict each other or are farther apart."""
+    def _joined(
+        self, before: _Track | None, seen: _Track, within_s: float, v_W_mps: FloatArray | None = None
+    ) -> _Track | None:
+        """Return `before` with what is seen, or None where they contradict each other, with `v_W_mps` as the height
+        is carried by it, or are farther apart."""
         if before is None or seen.t_ns - before.seen_ns > 1e9 * within_s:
             return None
-        prior = self._grown(before, seen)
+        since_s = max(0.0, 1e-9 * (seen.t_ns - before.t_ns))
+        height_m = self._settings.height_m_per_sqrt_s * math.sqrt(since_s)
+        if v_W_mps is not None:
+            before, height_m = before.carried(since_s, v_W_mps), _CARRIED_MPS * since_s
+        prior = self._grown(before, seen, since_s, height_m)
         innovation, innovation_cov = seen.state - before.state, prior + seen.cov
         if innovation @ np.linalg.solve(innovation_cov, innovation) > self._settings.gate:
             return None
@@ -166,11 +186,9 @@ class PlaneTracker:
         state, cov = before.state + gain @ innovation, (np.eye(3) - gain) @ prior
         return replace(seen, state=state, cov=cov, apart=apart)
 
-    def _grown(self, before: _Track, seen: _Track) -> FloatArray:
-        dt_s = max(0.0, (seen.t_ns - before.t_ns) * 1e-9)
-        s = self._settings
-        rates = np.array([s.gradient_per_sqrt_s, s.gradient_per_sqrt_s, s.height_m_per_sqrt_s])
-        prior: FloatArray = before.cov + np.diag(rates**2 * dt_s)
+    def _grown(self, before: _Track, seen: _Track, since_s: float, height_m: float) -> FloatArray:
+        gradient = self._settings.gradient_per_sqrt_s * math.sqrt(since_s)
+        prior: FloatArray = before.cov + np.diag(np.square([gradient, gradient, height_m]))
         prior[:2, :2] += _positive_part(before.attitude_cov_W - seen.attitude_cov_W)
         return prior
 
