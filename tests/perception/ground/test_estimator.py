@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -31,8 +32,10 @@ START_NS = 10_000_000_000
 CONTRADICTED = SOUND._replace(contradicts=True)
 
 
-def seen(name: str, seed: int, first: int, count: int) -> tuple[list[tuple[GroundPlane, GroundTruth]], Calibration]:
-    """Return estimates with the true attitude and a perfect calibration, and their truth."""
+def seen(
+    name: str, seed: int, first: int, count: int, spoilt: Callable[[StereoFrame], StereoFrame] = lambda frame: frame
+) -> tuple[list[tuple[GroundPlane, GroundTruth]], Calibration]:
+    """Return estimates with the true attitude and a perfect calibration, of frames each `spoilt`, and their truth."""
     wearer = SimulatedWearer(seed, scenario(name), START_NS, perfect_calibration=True)
     estimator = GroundEstimator(wearer.calibration, FootholdSettings())
     pairs = []
@@ -40,7 +43,9 @@ def seen(name: str, seed: int, first: int, count: int) -> tuple[list[tuple[Groun
         motion = wearer.gait.at(np.array([frame.header.t_exposure_ns]))
         w = tuple(motion.w_WB_B_radps[0].tolist())
         vertical_swing_mps = float(motion.v_WB_mps[0] @ [-np.tan(truth.slope_sagittal_rad), 0.0, 1.0])
-        estimate = estimator.estimate(frame, motion.R_WB[0], w, np.zeros((3, 3)), height_rate_mps=vertical_swing_mps)
+        estimate = estimator.estimate(
+            spoilt(frame), motion.R_WB[0], w, np.zeros((3, 3)), height_rate_mps=vertical_swing_mps
+        )
         pairs.append((estimate, truth))
     return pairs[1:], wearer.calibration  # the first waits for its confirmation
 
@@ -239,6 +244,16 @@ def test_where_the_picture_is_white_nothing_is_matched() -> None:
     matched = np.isfinite(SemiGlobalMatcher(rectifier).match(left, frame.right, window, search))
     assert matched[:, :100].mean() > 0.9
     assert matched[:, 130:].mean() == 0.0
+
+
+def test_through_a_wet_lens_stripes_that_match_half_a_period_off_are_no_ground() -> None:
+    def wet(frame: StereoFrame) -> StereoFrame:
+        left = cv2.blur(frame.left, (25, 25)).astype(np.uint8)
+        return msgspec.structs.replace(frame, left=left) if frame.header.seq >= 424 else frame
+
+    pairs, _ = seen("ramps", 33, 418, 24, wet)
+    assert [ground.status for ground, _ in pairs[:5]] == [Status.VALID] * 5
+    assert [ground.status for ground, _ in pairs[5:]] == [Status.INVALID] * 18
 
 
 def test_on_tiles_all_alike_no_valid_ground_is_a_tile_off() -> None:

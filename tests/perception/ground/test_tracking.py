@@ -31,8 +31,12 @@ def told(
     attitude_cov_W: FloatArray = SURE,
     matched_share: float = 1.0,
     may_begin: bool = True,
+    even: bool = True,
+    v_W_mps: FloatArray | None = None,
 ) -> tuple[Plane, FloatArray] | None:
-    return tracker.updated(t_ns, fit, matched_share, R_WH, attitude_cov_W, may_begin=may_begin)
+    return tracker.updated(
+        t_ns, fit, matched_share, R_WH, attitude_cov_W, may_begin=may_begin, even=even, v_W_mps=v_W_mps
+    )
 
 
 def known(answer: tuple[Plane, FloatArray] | None) -> tuple[Plane, FloatArray]:
@@ -149,6 +153,30 @@ def test_a_frame_that_may_begin_no_track_joins_one_and_contradicts_none() -> Non
     for k in (5, 6, 7):
         assert told(tracker, k * FRAME_NS, seen(0.0, 0.0, 0.79), may_begin=False) is None
     assert told(tracker, 8 * FRAME_NS, seen(0.0, 0.0, 0.95), may_begin=False) is not None
+
+
+def test_a_plane_beside_which_much_else_is_seen_begins_no_track_however_often_it_is_seen() -> None:
+    tracker = on_level_ground(5)
+    for k in range(5, 40):
+        assert told(tracker, k * FRAME_NS, seen(0.0, 0.0, 0.86), even=False, v_W_mps=np.zeros(3)) is None
+    assert told(tracker, 40 * FRAME_NS, seen(0.0, 0.0, 0.86)) is None
+    assert told(tracker, 41 * FRAME_NS, seen(0.0, 0.0, 0.86)) is not None
+
+
+@pytest.mark.parametrize(("rises_mps", "expected_m"), [(0.3, 1.01), (-0.3, 0.89), (0.0, 0.95)])
+def test_a_plane_beside_which_much_else_is_seen_agrees_with_the_track_as_the_camera_s_velocity_carries_it(
+    rises_mps: float, expected_m: float
+) -> None:
+    for height_m in (0.89, 0.95, 1.01):
+        tracker, v_W_mps = on_level_ground(5), np.array([1.2, 0.0, rises_mps])
+        is_told = told(tracker, 8 * FRAME_NS, seen(0.0, 0.0, height_m), even=False, v_W_mps=v_W_mps) is not None
+        assert is_told == (height_m == expected_m)
+
+
+def test_a_plane_beside_which_much_else_is_seen_joins_no_track_that_was_seen_long_before() -> None:
+    for even in (True, False):
+        tracker = on_level_ground(5)
+        assert (told(tracker, 13 * FRAME_NS, seen(0.0, 0.0, 0.95), even=even) is not None) == even
 
 
 def test_a_plane_known_from_elsewhere_is_as_unsure_as_its_only_picture_differs_from_it() -> None:
