@@ -305,6 +305,7 @@ CAMERA_KINDS: dict[str, Kind] = {
     "bent-1": Kind("camera", _deformed("bent", "1")),
     "stretched-2": Kind("camera", _deformed("stretched", "2")),
     "blur-9": Kind("camera", _deformed("blur", "9")),
+    "blur-25": Kind("camera", _deformed("blur", "25")),
     "dirt": Kind("camera", _deformed("dirt")),
     "half-covered": Kind("camera", _deformed("half")),
     "mirrored": Kind("camera", _deformed("mirrored")),
