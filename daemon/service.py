@@ -16,8 +16,9 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 from daemon.inbox import Inbox
 from daemon.latency import LatencyLog
@@ -108,6 +109,7 @@ class Service:
         self._inbox = Inbox()
         self._stopping = threading.Event()
         self._producers_ended = threading.Event()
+        self._path_work: Future[tuple[MatchedBand, ...]] | None = None
         self._died: list[str] = []
         self._outages = {"imu": Outage("IMU"), "camera": Outage("camera")}
         self._priorities = priorities
@@ -298,8 +300,17 @@ class Service:
             self._run_steps()
             return
         with ThreadPoolExecutor(1, _THREAD + "path", self._begin_path_thread) as path_thread:
-            self._pipeline.match_path_beside(lambda work: path_thread.submit(self._matched, work).result)
+            self._pipeline.match_path_beside(partial(self._begin_path, path_thread))
             self._run_steps()
+
+    def _begin_path(self, path_thread: ThreadPoolExecutor, work: Work) -> Work:
+        """Begin `work` in the thread of the path, where one more waits at most: what no frame has asked for any more is
+        left out, and its error is raised here."""
+        before = self._path_work
+        if before is not None and not before.cancel() and before.done():
+            before.result()
+        self._path_work = path_thread.submit(self._matched, work)
+        return self._path_work.result
 
     def _begin_path_thread(self) -> None:
         self._begin_thread("path") if self._priorities else give_way()

@@ -5,6 +5,8 @@ import re
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -38,6 +40,7 @@ from messages import (
 )
 from perception.ground.foothold import FootholdSettings
 from perception.terrain import estimator
+from perception.terrain.path_matching import MatchedBand
 from sim_rig.unit import draw_unit
 from tests.bench.quiet_devices import GreyCamera, QuietImu
 
@@ -197,6 +200,37 @@ def test_a_bug_in_what_the_path_thread_does_stops_the_service(rig: Rig, monkeypa
     monkeypatch.setattr(estimator, "match_path", match)
     with pytest.raises(ServiceError, match="thread pipeline of the service died"):
         rig.service.run(20.0)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_bug_there_stops_the_service_even_where_no_frame_asks_for_its_path(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def match(*_args: object) -> None:
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr(service_module, "_CORES", 2)
+    monkeypatch.setattr(estimator, "match_path", match)
+    monkeypatch.setattr(Pipeline, "_placed", lambda *_: Reason.IMU_INCONSISTENT)
+    with pytest.raises(ServiceError, match="thread pipeline of the service died"):
+        rig.service.run(20.0)
+
+
+def test_no_more_than_one_path_waits_for_the_thread(rig: Rig) -> None:
+    running, free, matched = threading.Event(), threading.Event(), list[int]()
+
+    def match(number: int) -> tuple[MatchedBand, ...]:
+        running.set()
+        free.wait(20.0)
+        matched.append(number)
+        return ()
+
+    with ThreadPoolExecutor(1) as path_thread:
+        for number in range(50):
+            rig.service._begin_path(path_thread, partial(match, number))
+            running.wait(20.0)
+        free.set()
+    assert matched == [0, 49]
 
 
 @pytest.mark.parametrize("cores", [1, 2])
