@@ -93,7 +93,7 @@ class GroundEstimator:
         `distance_scale` is by what share the camera's distances are too long, `focal_difference` what is known of its
         eyes' focal lengths beyond the calibration. A plane that contradicts the track begins no new one unless it
         `may_begin`: while the camera's motion cannot be followed, what matches may be chance, and is UNCONFIRMED. Nor
-        does one beside which much else is seen.
+        does one confirm it beside which much else is seen.
         With `reduced` only the middle half of the region's width is matched.
         `place_m`, x and y of H, is where the foot will land; the region is about it, on the surface that `path` shows
         there. Without it the settings' own region is measured.

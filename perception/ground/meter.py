@@ -101,7 +101,8 @@ class GroundMeter:
         the camera and `height_rate_mps` lifts it off the ground.
         `expected` is the plane as predicted from earlier frames; the ground is looked for within `margin_m` of it, or
         within a step. `focal_difference` is what the eyes' rows tell of their focal lengths. Where the path has been
-        `rough`, a plane on which nearly all lies is that of the top of a bump.
+        `rough`, a plane on which nearly all lies is that of the top of a bump; where it has not, bumps are none yet:
+        they may be what a wet lens or a late eye matches.
         """
         predicted = expected or Plane((0.0, 0.0), region.nominal_height_m)
         if margin_m is None:
@@ -135,8 +136,10 @@ class GroundMeter:
         common_px = self.beside_unseen_px * unseen_share
         pixels, fit = self._fitted(all_near, region, common_px, expected)
         points_H, disparity_px = pixels.points_H, pixels.disparity_px
-        if rough:
-            through = rough_plane(points_H, disparity_px / np.abs(points_H[:, 2]), region)
+        if rough or fit is None or not self.is_even(fit) or fit.noise_px > self.even_noise_px:
+            through = rough_plane(points_H, disparity_px / np.abs(points_H[:, 2]), region, known=rough)
+            if through is not None and not rough:
+                return GroundMeasurement(self._unseen(Reason.NOT_PLANAR, images, points_C), matched_share)
             if through is not None:
                 lasting = self._residual_cov(through.plane, R_HC, focal_difference)
                 return GroundMeasurement(Reason.NONE, matched_share, through, lasting, patch)

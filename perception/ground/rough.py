@@ -5,9 +5,13 @@ leaves,
 
     z_k = a x_k + b y_k − h + e_k,      σ² = Σ e_k² / (n − 3).                                                   (1)
 
-A foot stands on one bump or in one hollow: its height is uncertain by σ, its slope by what `sole` finds. One region
-does not tell bumps from an edge, nor from what a wet lens or a late eye matches: that the ground is rough, the whole
-path has shown before (`perception.terrain.roughness`).
+A foot stands on one bump or in one hollow: its height is uncertain by σ, its slope by what `sole` finds. An edge is no
+bump, nor is a flight: were the ground a plane with a step along a line s_k (1 beyond it, 0 before), least squares
+would take from Σ e_k² the share
+
+    (e · s⊥)² / (s⊥ · s⊥) / (e · e),      s⊥ = s less its own plane of least squares,                           (2)
+
+and stairs vary along one direction alone: across it, e leaves its median in each strip by little.
 """
 
 import numpy as np
@@ -19,10 +23,13 @@ from perception.ground.region import FootholdRegion
 from perception.ground.sole import about_middle, sole_slope_cov
 
 
-def rough_plane(points_H: FloatArray, misfit_per_m: FloatArray, region: FootholdRegion) -> PlaneFit | None:
+def rough_plane(
+    points_H: FloatArray, misfit_per_m: FloatArray, region: FootholdRegion, *, known: bool
+) -> PlaneFit | None:
     """Return the plane of rough ground through points (N, 3) of the `region`; None where that is not what they show.
 
-    `misfit_per_m` (N,) is by how many pixels of disparity a point lies off for each metre of height.
+    `misfit_per_m` (N,) is by how many pixels of disparity a point lies off for each metre of height. Where the path is
+    `known` to be rough, nobody asks for edges, which the region would not hold, nor how large bumps are at least.
     """
     cells = RegionCells(points_H, region)
     z_m = points_H[:, 2]
@@ -36,9 +43,19 @@ def rough_plane(points_H: FloatArray, misfit_per_m: FloatArray, region: Foothold
     (a, b, c), *_ = np.linalg.lstsq(design, mean_m)
     off_m = mean_m - design @ (a, b, c)
     rough_m = float(np.sqrt(off_m @ off_m / (len(off_m) - 3)))
-    if rough_m > MOST_ROUGH_M or np.hypot(a, b) > _STEEPEST or np.abs(off_m).max() > _MOST_SIGMA * rough_m:
+    if (
+        not (known or rough_m > LEAST_ROUGH_M)
+        or rough_m > MOST_ROUGH_M
+        or np.hypot(a, b) > _STEEPEST
+        or np.abs(off_m).max() > _MOST_SIGMA * rough_m
+    ):
         return None
     all_off_m = z_m - points_H[:, :2] @ (a, b) - c
+    scattered = cells.scatter_m(all_off_m) > _WITHIN_CELL * rough_m
+    if not known and (scattered or _step_share(design, off_m) > _STEP_SHARE):
+        return None
+    if not known and _least_across_m(design, off_m) < _ACROSS * rough_m:
+        return None
     bumps = max(1.0, len(off_m) * (CELL_M / _BUMP_M) ** 2)
     unseen = 1.0 - len(off_m) / size + _SEEN_BADLY
     cov = np.linalg.inv(design.T @ design) * rough_m**2 * unseen * len(off_m) / bumps
@@ -56,11 +73,43 @@ def is_scatter(points_H: FloatArray, rise_m: FloatArray, region: FootholdRegion)
     return RegionCells(points_H, region).scatter_m(rise_m) > _WITHIN_CELL * beyond_m
 
 
-MOST_ROUGH_M = 0.08
+def _step_share(design: FloatArray, off_m: FloatArray) -> float:
+    """Return the largest share (2) of what is left of the cells' heights that one straight edge explains."""
+    along = (design[:, :2] - design[:, :2].mean(axis=0)) @ _DIRECTIONS
+    beyond = (along[:, :, None] > _EDGES_M).reshape(len(design), -1).astype(np.float64)
+    Q, _ = np.linalg.qr(design)
+    beyond -= Q @ (Q.T @ beyond)
+    square = np.einsum("nk,nk->k", beyond, beyond)
+    gain = (off_m @ beyond) ** 2 / np.maximum(square, 1.0)
+    return float(gain.max() / (off_m @ off_m))
+
+
+def _least_across_m(design: FloatArray, off_m: FloatArray) -> float:
+    """Return by how much, one robust σ, heights are off the median of their strip, for strips of that direction in
+    which it is least."""
+    along = (design[:, :2] - design[:, :2].mean(axis=0)) @ _STRIPS
+    strips = np.floor(along / CELL_M).astype(np.intp)
+    strips -= strips.min()
+    least_m = np.inf
+    for strip in strips.T:
+        order = np.lexsort((off_m, strip))
+        count = np.bincount(strip)
+        middle = np.cumsum(count) - count + count // 2
+        median_m = off_m[order][np.minimum(middle, len(order) - 1)]
+        least_m = min(least_m, float(np.median(np.abs(off_m - median_m[strip]))))
+    return 1.4826 * least_m
+
+
+LEAST_ROUGH_M, MOST_ROUGH_M = 0.008, 0.08
 _STEEPEST = 0.29  # tan 16°: of most stairs the nosings lie on a steeper plane
 _MOST_SIGMA = 4.0
 _WITHIN_CELL = 0.5
+_STEP_SHARE = 0.5
 _LEAST_OF_CELL = 2
 _LEAST_SEEN = 0.5
+_ACROSS = 0.33  # of simulated flights and steps 5 % leave more, of bumps 12 % less
 _BUMP_M = 0.2
 _SEEN_BADLY = 0.02
+_DIRECTIONS: FloatArray = np.stack([f(np.radians(15.0 * np.arange(12))) for f in (np.cos, np.sin)])
+_STRIPS: FloatArray = np.stack([f(np.radians(7.5 * np.arange(24))) for f in (np.cos, np.sin)])
+_EDGES_M = np.linspace(-0.25, 0.25, 11)

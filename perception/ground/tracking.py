@@ -5,7 +5,7 @@ process noise averages the frames; the height follows the hip and is re-measured
 contradicts the track (an edge: kerb, stair, foot of a ramp) starts a new one once the next frame confirms it: a chance
 match of a picture that shows nothing does not come twice. Where much else than the plane is seen, it may be what a
 blurred eye matches in each frame: such a one has to agree with the track as the camera's velocity carries it, and
-starts none. The attitude's error is common to all
+confirms none. The attitude's error is common to all
 frames of a track until the attitude is corrected: a Kalman filter that goes from covariance P to P' corrects itself by
 N(0, P − P'), and the track has it still.
 
@@ -140,8 +140,8 @@ class PlaneTracker:
         """Take one frame's plane in H; return the plane in H that the track now holds and its covariance (a, b, h).
 
         None where the frame contradicts the track, or there is none, and the frame before does not confirm it; one of
-        which little matched confirms nothing, nor does one that `may_begin` no track, nor one that is not `even`, and
-        this has to agree soon, and with the track as it is carried at `v_W_mps` (3,), where that is known.
+        which little matched confirms nothing, nor does one that `may_begin` no track. One that is not `even` confirms
+        nothing either; it has to agree soon, and with the track carried at `v_W_mps` (3,), where that is known.
         `attitude_cov_W` (2, 2), rad², is what the attitude's covariance means for the gradient in W. It is told apart:
         the covariance that is returned, (2), is without it.
         """
@@ -155,9 +155,9 @@ class PlaneTracker:
             track = self._joined(self._track, seen, self._settings.confirmed_within_s, v_W_mps)
         if track is None:
             candidate = self._joined(self._candidate, seen, self._settings.confirmed_within_s)
-            believable = may_begin and even and matched_share >= self._settings.believable_share
+            believable = may_begin and matched_share >= self._settings.believable_share
             self._candidate, self._between = seen if believable else None, 0
-            track = candidate if believable else None
+            track = candidate if believable and even else None
         if track is None:
             return None
         self._track, self._candidate = track, None

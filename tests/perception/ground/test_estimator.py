@@ -103,8 +103,12 @@ def test_a_wrong_nominal_height_costs_some_frames_and_no_plane(nominal_height_m:
     assert ground.height_m == pytest.approx(truth.height_m, abs=0.01)
 
 
-@pytest.mark.parametrize(("nominal_height_m", "found"), [(0.95, True), (0.5, False)])
-def test_bumps_are_ground_at_the_likely_height_alone(nominal_height_m: float, found: bool) -> None:
+@pytest.mark.parametrize(
+    ("nominal_height_m", "rough", "found"), [(0.95, True, True), (0.95, False, False), (0.5, True, False)]
+)
+def test_bumps_are_ground_on_a_rough_path_at_the_likely_height_alone(
+    nominal_height_m: float, rough: bool, found: bool
+) -> None:
     bare = over_level(Pace(), "bumps", "nothing on it")
     walk = replace(bare, world=World(bare.world.lap, Relief.of_rms(0.03, 0.15, 7)))
     wearer = SimulatedWearer(11, walk, START_NS, perfect_calibration=True)
@@ -112,7 +116,8 @@ def test_bumps_are_ground_at_the_likely_height_alone(nominal_height_m: float, fo
     valid = []
     for frame, _ in wearer.frames(8, first=20):
         R_WB = wearer.gait.at(np.array([frame.header.t_exposure_ns])).R_WB[0]
-        ground = estimator.estimate(frame, R_WB, (0.0, 0.0, 0.0), np.zeros((3, 3)))
+        path = PathAhead(rough=rough)
+        ground = estimator.estimate(frame, R_WB, (0.0, 0.0, 0.0), np.zeros((3, 3)), path=path)
         valid.append(ground.status is Status.VALID)
     assert any(valid) is found
 

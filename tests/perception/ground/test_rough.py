@@ -24,9 +24,9 @@ START_NS, SECOND_NS = 10_000_000_000, 1_000_000_000
 X, Y = (grid.ravel() for grid in np.meshgrid(np.arange(0.405, 1.0, 0.01), np.arange(-0.295, 0.3, 0.01)))
 
 
-def plane_of(z_m: FloatArray) -> PlaneFit | None:
-    z_m = z_m + np.random.default_rng(1).normal(0.0, 0.002, z_m.shape) - 0.95
-    return rough_plane(np.column_stack((X, Y, z_m)), np.full(len(X), 40.0), REGION)
+def plane_of(z_m: FloatArray, *, noise_m: float = 0.002, known: bool = False) -> PlaneFit | None:
+    z_m = z_m + np.random.default_rng(1).normal(0.0, noise_m, z_m.shape) - 0.95
+    return rough_plane(np.column_stack((X, Y, z_m)), np.full(len(X), 40.0), REGION, known=known)
 
 
 def bumps(rms_m: float, phase: float = 0.3) -> FloatArray:
@@ -65,14 +65,28 @@ def test_what_lies_off_a_plane_scatters_on_even_ground_and_not_at_a_step_or_on_b
         assert is_scatter(np.column_stack((X, Y, rise_m - 0.95)), rise_m, REGION) is scatters
 
 
-def test_what_is_higher_than_bumps_or_hardly_seen_has_no_plane() -> None:
-    assert plane_of(0.25 * (X > 0.7)) is None
+def test_smooth_ground_is_not_rough() -> None:
+    assert plane_of(0.05 * X) is None
+
+
+@pytest.mark.parametrize("yaw_deg", [0.0, 17.0, -33.0, 90.0])
+@pytest.mark.parametrize(("rise_m", "tread_m"), [(0.06, 1.0), (0.17, 1.0), (-0.12, 1.0), (0.17, 0.28), (-0.2, 0.3)])
+def test_steps_and_flights_are_not_rough(rise_m: float, tread_m: float, yaw_deg: float) -> None:
+    yaw = np.radians(yaw_deg)
+    along = (X - 0.7) * np.cos(yaw) + Y * np.sin(yaw)
+    assert plane_of(rise_m * np.floor(along / tread_m + 0.02)) is None
+
+
+def test_clutter_and_what_is_hardly_seen_are_not_rough() -> None:
+    assert plane_of(np.zeros_like(X), noise_m=0.05) is None
     points = np.column_stack((X, Y, bumps(0.03) - 0.95))[X < 0.62]
-    assert rough_plane(points, np.full(len(points), 40.0), REGION) is None
+    assert rough_plane(points, np.full(len(points), 40.0), REGION, known=False) is None
 
 
-def test_a_single_bump_leaves_the_slope_under_a_sole_uncertain() -> None:
-    fit = plane_of(0.06 / (1.0 + np.exp(-(X - 0.75) / 0.02)))
+def test_where_the_path_is_known_to_be_rough_a_single_bump_that_looks_like_a_step_is_none() -> None:
+    bump = 0.06 / (1.0 + np.exp(-(X - 0.75) / 0.02))
+    assert plane_of(bump) is None
+    fit = plane_of(bump, known=True)
     assert fit is not None
     assert np.sqrt(fit.covariance[0, 0]) > 0.05  # a sole on it slopes otherwise than the region
 
