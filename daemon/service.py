@@ -60,6 +60,12 @@ STATE_EVERY_S = 60.0
 """What the unit has learnt is kept so often, and at the end."""
 _CORES = min(2, len(os.sched_getaffinity(0)))
 """That the threads of the pipeline and of the path can keep busy."""
+IMU_ROUND_S = 0.0125
+"""So often the thread of the IMU comes back, with a sample or without."""
+MOST_OVERDUE_NS = 15_000_000
+"""So far ticks stay behind the clock while that thread does not: it waits for a processor, and what the chip has sent
+meanwhile is no silence. One that hangs on the bus looks the same, and is told so much later, where it counts no error.
+"""
 LONGEST_JOIN_S = 2.0
 """How long a thread may take to end before the service gives it up: a device call may hang for ever."""
 
@@ -75,6 +81,13 @@ class Devices:
     imu: ImuSource
     camera: FrameSource
     ankle: AnkleSource | None = None
+
+
+def tick_time_ns(imu_back_ns: int, now_ns: int) -> int:
+    """Return the instant of a tick: now, or as long ago as the thread of the IMU, which came back with what the chip
+    had at `imu_back_ns`, is overdue, `MOST_OVERDUE_NS` at most."""
+    overdue_ns = max(0, now_ns - imu_back_ns - round(1e9 * IMU_ROUND_S))
+    return now_ns - min(overdue_ns, MOST_OVERDUE_NS)
 
 
 class Service:
@@ -109,6 +122,7 @@ class Service:
         self._inbox = Inbox()
         self._stopping = threading.Event()
         self._producers_ended = threading.Event()
+        self._imu_back_ns, self._imu_errors = time.monotonic_ns(), 0
         self._path_work: Future[tuple[MatchedBand, ...]] | None = None
         self._died: list[str] = []
         self._outages = {"imu": Outage("IMU"), "camera": Outage("camera")}
@@ -219,7 +233,7 @@ class Service:
         while not self._stopping.is_set():
             self.progress.count_round("imu")
             try:
-                samples = self._devices.imu.read(timeout_s=0.1)
+                samples = self._devices.imu.read(timeout_s=IMU_ROUND_S)
             except DeviceError as error:
                 outage.add_failure(error)
                 self._stopping.wait(REOPEN_PAUSE_S)
@@ -230,6 +244,7 @@ class Service:
             for sample in samples:
                 self._inbox.put(sample)
                 self.latency.add_sample(time.monotonic_ns() - (sample.t_sample_ns + delay_ns))
+            self._imu_back_ns, self._imu_errors = time.monotonic_ns(), self._devices.imu.counters.bus_errors
 
     def _read_camera(self) -> None:
         outage = self._outages["camera"]
@@ -257,7 +272,8 @@ class Service:
         for beat in self._periods("timer", TICK_NS):
             self.progress.count_round("timer")
             now_ns = time.monotonic_ns()
-            self._inbox.put(Tick(t_ns=now_ns))
+            fails = self._devices.imu.counters.bus_errors != self._imu_errors
+            self._inbox.put(Tick(t_ns=now_ns if fails else tick_time_ns(self._imu_back_ns, now_ns)))
             if beat % (1_000_000_000 // TICK_NS) == 0:
                 self._inbox.put(self._counters(now_ns))
                 busy_ns = max(self._pipeline_busy_ns, (self._pipeline_busy_ns + self._path_busy_ns) // _CORES)

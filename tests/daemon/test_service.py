@@ -1,5 +1,6 @@
 """The service: devices that fail and return, threads that die, an end that leaves nothing behind."""
 
+import itertools
 import logging
 import re
 import threading
@@ -10,11 +11,12 @@ from functools import partial
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from daemon import service as service_module
 from daemon.pipeline import Pipeline
-from daemon.service import LATE_NS, Devices, Service
+from daemon.service import LATE_NS, Devices, Service, tick_time_ns
 from daemon.stamping import Stamper
 from daemon.state_file import StateKeeper
 from drivers.protocols import DeviceError
@@ -162,6 +164,25 @@ def test_a_camera_that_goes_and_returns_is_said_to_be_silent_in_between(
 
 def test_an_imu_that_goes_makes_frames_invalid_and_returns(rig: Rig) -> None:
     rig.play(rig.outage(rig.imu, "IMU at I2C address 0x68: bus stuck", Reason.NO_IMU))
+
+
+@pytest.mark.parametrize(
+    ("back_ms_ago", "behind_ms"), [(0.0, 0.0), (12.5, 0.0), (20.0, 7.5), (27.5, 15.0), (60.0, 15.0), (5000.0, 15.0)]
+)
+def test_a_tick_stays_behind_while_the_thread_of_the_imu_waits_for_a_processor_but_not_for_long(
+    back_ms_ago: float, behind_ms: float
+) -> None:
+    now_ns = 10_000_000_000
+    assert now_ns - tick_time_ns(now_ns - round(1e6 * back_ms_ago), now_ns) == round(1e6 * behind_ms)
+
+
+def test_time_does_not_run_back_from_tick_to_tick_however_late_the_imu_s_thread_is() -> None:
+    backs_ns = np.cumsum(np.random.default_rng(4).exponential(12e6, 2000)).astype(np.int64)
+    ticks_ns = [
+        tick_time_ns(int(backs_ns[np.searchsorted(backs_ns, now_ns) - 1]), now_ns)
+        for now_ns in range(int(backs_ns[0]) + 1, int(backs_ns[-1]), 10_000_000)
+    ]
+    assert all(later >= before for before, later in itertools.pairwise(ticks_ns))
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
