@@ -235,6 +235,7 @@ class Service:
             try:
                 samples = self._devices.imu.read(timeout_s=IMU_ROUND_S)
             except DeviceError as error:
+                self._imu_back_ns = time.monotonic_ns() + round(1e9 * REOPEN_PAUSE_S)
                 outage.add_failure(error)
                 self._stopping.wait(REOPEN_PAUSE_S)
                 continue
