@@ -122,6 +122,19 @@ def test_bumps_are_ground_on_a_rough_path_at_the_likely_height_alone(
     assert any(valid) is found
 
 
+def test_bumps_on_a_path_that_is_not_known_to_be_rough_join_no_track() -> None:
+    bare = over_level(Pace(), "bumps", "nothing on it")
+    walk = replace(bare, world=World(bare.world.lap, Relief.of_rms(0.03, 0.15, 7)))
+    wearer = SimulatedWearer(11, walk, START_NS, perfect_calibration=True)
+    estimator, valid = GroundEstimator(wearer.calibration, FootholdSettings()), list[bool]()
+    for k, (frame, _) in enumerate(wearer.frames(6, first=20)):
+        R_WB = wearer.gait.at(np.array([frame.header.t_exposure_ns])).R_WB[0]
+        path = PathAhead(rough=k < 3)
+        ground = estimator.estimate(frame, R_WB, (0.0, 0.0, 0.0), np.zeros((3, 3)), path=path)
+        valid.append(ground.status is Status.VALID)
+    assert valid == [False, True, True, False, False, False]
+
+
 @pytest.mark.parametrize(("off_m", "contradicts"), [(-0.03, False), (0.2, True)])
 def test_what_differs_from_the_wearers_height_widens_the_height_and_beyond_all_shoes_the_slope(
     off_m: float, contradicts: bool
