@@ -38,7 +38,8 @@ class EyeShifts:
     there are `of_picture` (rows, columns).
 
     `y_px` is the shift of (1), down, with its variance; `x_px` how much more disparity there is than the plane's. Only
-    where it is `whole` does a tile show one surface, and both eyes the same. `middle` (x, y) is where the tiles' middle
+    where it is `whole` does a tile show one surface, and both eyes the same. Of the tiles that matched and show more
+    than noise, the eyes are alike in `alike_share`; NaN where none does. `middle` (x, y) is where the tiles' middle
     lies, on rays with z = 1, and `half` (x, y) half their width and height.
     """
 
@@ -49,6 +50,7 @@ class EyeShifts:
     y_px: FloatArray
     y_var_px2: FloatArray
     whole: BoolArray
+    alike_share: float
     middle: tuple[float, float]
     half: tuple[float, float]
 
@@ -91,13 +93,15 @@ def find_shifts(
     there = columns - cv2.resize(disparity.astype(np.float32), left_eye.shape[::-1])
     same_row = np.repeat(np.arange(there.shape[0], dtype=np.float32)[:, None], there.shape[1], axis=1)
     laid = cast("GreyImage", cv2.remap(right_eye, there, same_row, cv2.INTER_LINEAR))
-    y_px, y_var_px2, unlike = _vertical(left_eye, laid)
+    y_px, y_var_px2, unlike, detail = _vertical(left_eye, laid)
     x_px, spread_px2, share = _off_plane((disparity - plane).astype(np.float32), known)
     middle_u = tiles.left - 0.5 + TILE_PX * (0.5 + np.arange(x_px.shape[1]))
     middle_v = tiles.top - 0.5 + TILE_PX * (0.5 + np.arange(x_px.shape[0]))[:, None]
     d = rectifier.on_plane(middle_u, middle_v, theta_C) + x_px
     x, y = (middle_u - rectifier.cx_px) / rectifier.f_px, (middle_v - rectifier.cy_px) / rectifier.f_px
     (wx, wy, wz), (_, vy, vz) = w_C_radps, v_C_mps
+    matched, alike = share > _LEAST_KNOWN, unlike < _MOST_UNLIKE
+    telling = matched & (detail > _LEAST_DETAIL**2)
     nearness = d / (rectifier.f_px * rectifier.baseline_m)
     flow = wx * (1.0 + y * y) - wy * x * y - wz * x + (y * vz - vy) * nearness
     return EyeShifts(
@@ -107,7 +111,8 @@ def find_shifts(
         x_px=x_px,
         y_px=y_px - rectifier.f_px * rectifier.lag_s(middle_u, middle_v, d) * flow,
         y_var_px2=y_var_px2,
-        whole=(share > _LEAST_KNOWN) & (spread_px2 < _MOST_SPREAD_PX**2) & (unlike < _MOST_UNLIKE),
+        whole=matched & alike & (spread_px2 < _MOST_SPREAD_PX**2),
+        alike_share=float(alike[telling].mean()) if telling.any() else math.nan,
         middle=(float(x.mean()), float(y.mean())),
         half=(0.5 * there.shape[1] / rectifier.f_px, 0.5 * there.shape[0] / rectifier.f_px),
     )
@@ -144,8 +149,9 @@ def _mean(image: FloatImage, size_px: int = TILE_PX) -> FloatArray:
     return of_tiles
 
 
-def _vertical(left_eye: GreyImage, right_eye: GreyImage) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return y of (1) of each tile and its variance; and 1 less the correlation of the two eyes."""
+def _vertical(left_eye: GreyImage, right_eye: GreyImage) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return y of (1) of each tile and its variance; 1 less the correlation of the two eyes, and their detail's
+    variance, grey levels squared."""
     left, right = _detail(left_eye), _detail(right_eye)
     both, difference = left + right, right - left
     by_x, by_y = (cv2.Sobel(both, cv2.CV_32F, *axis, ksize=3, scale=1.0 / 16.0) for axis in ((1, 0), (0, 1)))
@@ -154,8 +160,9 @@ def _vertical(left_eye: GreyImage, right_eye: GreyImage) -> tuple[FloatArray, Fl
     det = xx * yy - xy * xy + _TINY
     x_px, y_px = (xy * yd - yy * xd) / det, (xy * xd - xx * yd) / det
     unexplained = np.maximum(_mean(difference * difference) + x_px * xd + y_px * yd, 0.0)
-    unlike = 1.0 - _mean(left * right) / np.sqrt(_mean(left * left) * _mean(right * right) + _TINY)
-    return y_px, unexplained * xx / det * (_CORRELATED_PX / TILE_PX) ** 2, unlike
+    detail: FloatArray = np.sqrt(_mean(left * left) * _mean(right * right) + _TINY)
+    unlike = 1.0 - _mean(left * right) / detail
+    return y_px, unexplained * xx / det * (_CORRELATED_PX / TILE_PX) ** 2, unlike, detail
 
 
 def _detail(eye: GreyImage) -> FloatImage:
@@ -176,5 +183,7 @@ _LEAST_KNOWN = 0.8
 _MOST_SPREAD_PX = 0.6
 """Of a tile's disparities about the plane: more, and there are two surfaces."""
 _MOST_UNLIKE = 0.3
+_LEAST_DETAIL = 1.5
+"""Grey levels, deviation: in less the noise of a sensor, 0.3 to 0.5 once smoothed, makes sound eyes unlike."""
 _TINY = 1e-6
 """Grey values to the fourth: an even tile has no shift, and a large variance."""

@@ -93,7 +93,7 @@ class GroundEstimator:
         `distance_scale` is by what share the camera's distances are too long, `focal_difference` what is known of its
         eyes' focal lengths beyond the calibration. A plane that contradicts the track begins no new one unless it
         `may_begin`: while the camera's motion cannot be followed, what matches may be chance, and is UNCONFIRMED. Nor
-        does one confirm it beside which much else is seen.
+        does one confirm it beside which much else is seen, or on which the two eyes are not alike.
         With `reduced` only the middle half of the region's width is matched.
         `place_m`, x and y of H, is where the foot will land; the region is about it, on the surface that `path` shows
         there. Without it the settings' own region is measured.
@@ -160,7 +160,7 @@ class GroundEstimator:
             R_WH,
             attitude_cov_W,
             may_begin=begins and not view.doubtful,
-            even=rough or self._meter.is_even(measured.fit),
+            even=self._view.eyes_are_alike and (rough or self._meter.is_even(measured.fit)),
             v_W_mps=v_C_W,
         )
         if tracked is None and self._tracks:

@@ -17,6 +17,8 @@ class ViewCheck:
     """Asks the meter's camera how its eyes are shifted on each plane found; one without two eyes is always sound."""
 
     longest_step_s = 0.2  # a way between two frames that are asked, at the newest velocity
+    least_alike_share = 0.9
+    """Of the tiles that matched: in a picture that is turned or late, one row's joints match what lies beside them."""
 
     def __init__(self, meter: GroundMeter) -> None:
         self._meter = meter
@@ -26,6 +28,8 @@ class ViewCheck:
         self._shifts: EyeShifts | None = None
         self.found = SOUND
         """What the frames asked until now have told of the view."""
+        self.eyes_are_alike = True
+        """Whether the newest frame asked shows both eyes the same where it matched."""
 
     def check(
         self,
@@ -53,6 +57,7 @@ class ViewCheck:
         self._shifts = self._meter.find_shifts(images, R_HC, region, measured, w_C_radps, v_C_mps)
         if self._shifts is None:
             return self.found
+        self.eyes_are_alike = not self._shifts.alike_share < self.least_alike_share
         speed_mps = math.hypot(*(R_HC @ v_C_mps)[:2].tolist())
         self.found = self._watch.add(self._shifts, speed_mps * min(step_s, self.longest_step_s))
         return self.found
@@ -60,6 +65,7 @@ class ViewCheck:
     def begin_anew(self) -> None:
         """Judge the view by this frame and those to come: the plane is another one at once."""
         self._watch.begin_anew(with_newest=self._asked)
+        self.eyes_are_alike = True
 
     def covariance(self, plane: Plane, R_HC: FloatArray) -> FloatArray:
         """Return the covariance (3, 3) of (a, b, h) by a deformation along the rows as large as what was found.

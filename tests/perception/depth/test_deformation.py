@@ -27,6 +27,7 @@ def shown(
         y_px=y_px + chance.normal(0.0, STD_PX, y_px.shape),
         y_var_px2=np.full(x_px.shape, STD_PX**2),
         whole=np.ones(x_px.shape, bool) if whole is None else whole.astype(bool),
+        alike_share=1.0,
         middle=(0.0, 0.1),
         half=(0.3, 0.25),
     )

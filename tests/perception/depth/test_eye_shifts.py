@@ -49,6 +49,12 @@ def slanted_joints(u: FloatArray, v: FloatArray) -> FloatArray:
     return shown
 
 
+def faint(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Return less detail than the sensor's noise."""
+    shown: FloatArray = 120.0 + 0.01 * (texture(u, v) - 120.0)
+    return shown
+
+
 def disparity(off_plane_px: FloatArray | float = 0.0) -> FloatArray:
     v, u = np.mgrid[:HEIGHT_PX, :WIDTH_PX]
     shown: FloatArray = (u - 319.5) / F_PX * THETA_C[0] + (v - 179.5) / F_PX * THETA_C[1] + THETA_C[2] + off_plane_px
@@ -92,6 +98,15 @@ def test_lines_that_lean_are_not_shifted_at_the_sides_of_the_window_either() -> 
     ratio = np.abs(shifts.y_px / np.hypot(0.02, np.sqrt(shifts.y_var_px2)))
     assert shifts.whole[:, [0, -1]].all()
     assert ratio[:, [0, -1]].max() < 4.0
+
+
+@pytest.mark.parametrize(("down_px", "least", "most"), [(0.0, 0.99, 1.0), (10.0, 0.0, 0.1)])
+def test_eyes_are_alike_where_what_matched_is_the_same(down_px: float, least: float, most: float) -> None:
+    assert least <= found(pair(down_px)).alike_share <= most
+
+
+def test_noise_tells_nothing_of_how_alike_eyes_are() -> None:
+    assert np.isnan(found(pair(ground=faint)).alike_share)
 
 
 @pytest.mark.parametrize("down_px", [0.15, -0.4, 0.8])

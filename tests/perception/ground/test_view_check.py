@@ -4,9 +4,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from lab.faults import deformed_view
+from lab.faults import deformed_view, image_changes
 from lab.faults.faulty_camera import ImageChange
-from messages import GroundPlane, GroundTruth, Reason, Status, StereoFrame, vec3
+from messages import Calibration, GroundPlane, GroundTruth, Reason, Status, StereoFrame, vec3
 from messages.arrays import FloatArray
 from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
@@ -17,7 +17,8 @@ from sim_rig.wearer import SimulatedWearer
 Seen = list[tuple[StereoFrame, GroundTruth]]
 
 WEARER = SimulatedWearer(3, scenario("standing"), 10_000_000_000, perfect_calibration=True)
-CALIBRATION = msgspec.structs.replace(WEARER.calibration, residual=RESIDUAL)
+BRICKS = SimulatedWearer(61, scenario("mixed"), 10_000_000_000, perfect_calibration=True)
+"""Stands on bricks laid lengthwise from 10.2 s on."""
 ATTITUDE_COV = np.radians(0.1) ** 2 * np.eye(3)
 """Of a filter that has settled, beside the residual: what a view may widen is judged beside what is stated in use."""
 
@@ -27,12 +28,18 @@ def frames() -> Seen:
     return list(WEARER.frames(14))
 
 
-def told(frames: Seen, change: ImageChange, onset: int, *, asked: bool = True) -> list[GroundPlane]:
+def calibration_of(wearer: SimulatedWearer) -> Calibration:
+    return msgspec.structs.replace(wearer.calibration, residual=RESIDUAL)
+
+
+def told(
+    frames: Seen, change: ImageChange, onset: int, *, asked: bool = True, wearer: SimulatedWearer = WEARER
+) -> list[GroundPlane]:
     """Return the grounds of frames whose pictures are changed from `onset` on; the view is `asked` about, or not."""
-    estimator = GroundEstimator(CALIBRATION, FootholdSettings())
+    estimator = GroundEstimator(calibration_of(wearer), FootholdSettings())
     grounds = []
     for k, (frame, _) in enumerate(frames):
-        motion = WEARER.gait.at(np.array([frame.header.t_exposure_ns]))
+        motion = wearer.gait.at(np.array([frame.header.t_exposure_ns]))
         if k >= onset:
             left, right = change((frame.left, frame.right))
             frame = msgspec.structs.replace(frame, left=left, right=right)
@@ -58,6 +65,15 @@ def test_a_plane_that_comes_with_a_shifted_view_is_never_begun(frames: Seen) -> 
     assert all(ground.status is Status.VALID for ground in asked[1:7])
     assert not any(ground.status is Status.VALID for ground in asked[7:])
     assert asked[-1].reason is Reason.VIEW_DEFORMED
+
+
+def test_joints_that_match_across_another_row_begin_no_plane() -> None:
+    frames, turned = list(BRICKS.frames(10, first=205)), image_changes.turned(0.0, 15.0)
+    unasked = told(frames, turned, onset=4, asked=False, wearer=BRICKS)
+    assert all(ground.status is Status.VALID for ground in unasked[5:])
+    assert abs(np.degrees(unasked[-1].slope_frontal_rad - frames[-1][1].slope_frontal_rad)) > 10.0
+    asked = told(frames, turned, onset=4, wearer=BRICKS)
+    assert [ground.status is Status.VALID for ground in asked] == [False, True, True, True] + 6 * [False]
 
 
 def test_a_small_shift_widens_the_slopes_and_a_sound_view_hardly(frames: Seen) -> None:
