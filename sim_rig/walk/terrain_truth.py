@@ -261,18 +261,12 @@ class TerrainTruthSource:
     def _surface_kind(self, eye: _Eye, at_m: float) -> str:
         if self._world.relief is not None and self._world.relief.rms_m >= ROUGH_RMS_M:
             return "rough"
-        slope = self._surface(eye, at_m, 0.0).slope_sagittal_rad
+        _, gradient = self._ground(eye, at_m, 0.0)
+        slope = math.atan(gradient @ eye.ahead)
         return "level" if abs(slope) < RAMP_RAD else "ramp_up" if slope > 0 else "ramp_down"
 
     def _surface(self, eye: _Eye, ahead_m: float, left_m: float) -> SurfaceTruth:
-        (c, s), p = eye.ahead, eye.o_W[:2] + ahead_m * eye.ahead + left_m * np.array((-eye.ahead[1], eye.ahead[0]))
-        ground = self._world.segment_at(float(p[0]))
-        z, gradient = ground.height_at(float(p[0])), np.array([math.tan(ground.slope_rad), 0.0])
-        if self._world.relief is not None:
-            around = np.stack(np.meshgrid(*[np.linspace(-_SOLE_M, _SOLE_M, 9)] * 2), axis=-1).reshape(-1, 2)
-            heights = self._world.relief.heights(*(p + around).T)
-            a, b, mean = np.linalg.lstsq(np.column_stack((around, np.ones(len(around)))), heights)[0]
-            z, gradient = z + float(mean), np.array([a, b])
+        (c, s), (z, gradient) = eye.ahead, self._ground(eye, ahead_m, left_m)
         edges = [abs(d - ahead_m) for d, _, _ in self._risers(eye, ahead_m - 1.0, ahead_m + 1.0)]
         return SurfaceTruth(
             below_m=float(eye.o_W[2] - z),
@@ -280,6 +274,18 @@ class TerrainTruthSource:
             slope_frontal_rad=math.atan(gradient @ (-s, c)),
             from_edge_m=min(edges, default=math.inf),
         )
+
+    def _ground(self, eye: _Eye, ahead_m: float, left_m: float) -> tuple[float, FloatArray]:
+        """Return z of the ground under a point of H, and its gradient (2,) in W."""
+        p = eye.o_W[:2] + ahead_m * eye.ahead + left_m * np.array((-eye.ahead[1], eye.ahead[0]))
+        ground = self._world.segment_at(float(p[0]))
+        z, gradient = ground.height_at(float(p[0])), np.array([math.tan(ground.slope_rad), 0.0])
+        if self._world.relief is not None:
+            around = np.stack(np.meshgrid(*[np.linspace(-_SOLE_M, _SOLE_M, 9)] * 2), axis=-1).reshape(-1, 2)
+            heights = self._world.relief.heights(*(p + around).T)
+            a, b, mean = np.linalg.lstsq(np.column_stack((around, np.ones(len(around)))), heights)[0]
+            z, gradient = z + float(mean), np.array([a, b])
+        return z, gradient
 
 
 class Feet:

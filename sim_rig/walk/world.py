@@ -89,10 +89,11 @@ class World:
     def between(self, x_from_m: float, x_to_m: float) -> Iterator[Segment]:
         """Yield every segment that touches [x_from_m, x_to_m], in walking order."""
         for lap in range(math.floor(x_from_m / self.length_m) - 1, math.floor(x_to_m / self.length_m) + 2):
+            lap_m = lap * self.length_m
             for segment in self.lap:
-                moved = segment.ahead_by(lap * self.length_m)
-                if max(moved.x0_m, moved.x1_m) >= x_from_m and min(moved.x0_m, moved.x1_m) <= x_to_m:
-                    yield moved
+                low_m, high_m = min(segment.x0_m, segment.x1_m), max(segment.x0_m, segment.x1_m)
+                if high_m + lap_m >= x_from_m and low_m + lap_m <= x_to_m:
+                    yield segment.ahead_by(lap_m)
 
     def shades_between(self, x_from_m: float, x_to_m: float) -> list[Shade]:
         """Return the shades of every lap that touches [x_from_m, x_to_m]."""
