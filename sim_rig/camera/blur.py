@@ -22,8 +22,10 @@ def line_kernel(motion_px: FloatArray) -> Float32Array | None:
     at = along[:, None] * motion_px + radius
     whole = np.clip(np.floor(at), 0, max(2 * radius - 1, 0)).astype(int)
     part = at - whole
-    for dv in (0, 1):
-        for du in (0, 1):
-            weight = np.abs(1 - du - part[:, 0]) * np.abs(1 - dv - part[:, 1]) / samples
-            np.add.at(kernel, (whole[:, 1] + dv, whole[:, 0] + du), weight)
+    weights = np.abs(1 - _DU - part[:, 0]) * np.abs(1 - _DV - part[:, 1]) / samples
+    np.add.at(kernel, (whole[:, 1] + _DV, whole[:, 0] + _DU), weights)
     return kernel
+
+
+_DV, _DU = np.array([0, 0, 1, 1])[:, None], np.array([0, 1, 0, 1])[:, None]
+"""Of the four pixels around a point, (4, 1) each."""

@@ -9,58 +9,80 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from messages.arrays import BoolArray, Float32Array, FloatArray, FloatImage, IntArray
-from sim_rig.camera.grid import CELL, COLUMNS, ROWS
-
-
-class Shaded(NamedTuple):
-    """A slab seen from one camera: `factor` of the light is left where `into` and `left` (nodes), are not negative."""
-
-    into: FloatArray
-    left: FloatArray
-    factor: float
+from messages.arrays import BoolArray, FloatArray, FloatImage, IntArray
+from sim_rig.camera.grid import AROUND, CELL, COLUMNS, PICTURE, ROWS, Cells
+from sim_rig.walk.shade import Shade
 
 
 class LightMap:
-    """The share of light on each pixel of what was drawn last there; all of it where nothing was."""
+    """The share of light under `shades` on each pixel of what was drawn last there; all of it where nothing was.
 
-    def __init__(self) -> None:
+    The nodes' rays go from o_W (rows, 3) along d_W (rows, columns, 3).
+    """
+
+    def __init__(self, shades: Sequence[Shade], o_W: FloatArray, d_W: FloatArray) -> None:
         self.pixels: FloatImage = np.ones((ROWS * CELL, COLUMNS * CELL), np.float32)
         self._cells = self.pixels.reshape(ROWS, CELL, COLUMNS, CELL)
+        self._shades = [(shade, (o_W @ shade.normal_W)[:, None], d_W @ shade.normal_W) for shade in shades]
 
-    def note(self, piece: Sequence[FloatArray], shades: Sequence[Shaded]) -> None:
-        """Note the light on a piece of ground, which is where none of the functions `piece` (nodes) is negative."""
-        extremes = [_extremes(function) for function in piece]
-        touched: BoolArray = np.logical_and.reduce([highest >= 0 for _, highest in extremes])
-        whole: BoolArray = np.logical_and.reduce([lowest >= 0 for lowest, _ in extremes])
-        border, light = touched & ~whole, np.ones((ROWS, COLUMNS), np.float32)
-        for into, left, factor in shades:
-            (into_low, into_high), (left_low, left_high) = _extremes(into), _extremes(left)
-            inside = (into_low >= 0) & (left_low >= 0)
-            light[inside] *= factor
-            border |= touched & ~inside & (into_high >= 0) & (left_high >= 0)
-        whole &= ~border
-        rows, columns = np.nonzero(whole)
-        self._cells[rows, :, columns, :] = light[whole][:, None, None]
+    def note(self, above_m: FloatArray, S: FloatArray, W: FloatArray, length_m: float) -> None:
+        """Note the light on a piece of ground, met at λ = above / W and S / W of its `length_m` along it.
+
+        A point p = o + λd has n·p W = n·o W + above n·d, linear in the pixel.
+        """
+        piece = _Region.of(W, S, length_m * W - S)
+        cells = Cells.holding(piece.whole | piece.cut, PICTURE)
+        if cells is None:
+            return
+        block, nodes = cells.block, cells.nodes
+        whole, border = piece.whole[block], piece.cut[block]
+        above_m, W = np.broadcast_to(above_m, W.shape)[nodes], W[nodes]
+        light = np.ones(whole.shape, np.float32)
+        shaded = []
+        for shade, o_n, d_n in self._shades:
+            along = o_n[nodes[0]] * W + above_m * d_n[nodes]
+            region = _Region.of(along - shade.from_m * W, shade.to_m * W - along)
+            if region.whole.any() or region.cut.any():
+                light[region.whole] *= shade.factor
+                border = border | whole & region.cut
+                shaded.append((region, shade.factor))
+        pixels = self._cells[block[0], :, block[1]]
+        rows, columns = np.nonzero(whole & ~border)
+        pixels[rows, :, columns, :] = light[rows, columns, None, None]
         rows, columns = np.nonzero(border)
-        on_piece = np.logical_and.reduce([_in_cells(function, rows, columns) >= 0 for function in piece])
-        lit = np.ones(on_piece.shape, np.float32)
-        for into, left, factor in shades:
-            lit[(_in_cells(into, rows, columns) >= 0) & (_in_cells(left, rows, columns) >= 0)] *= factor
-        self._cells[rows, :, columns, :] = np.where(on_piece, lit, self._cells[rows, :, columns, :])
+        lit = np.ones((len(rows), CELL, CELL), np.float32)
+        for region, factor in shaded:
+            lit[region.pixels(rows, columns)] *= factor
+        on_piece = piece.pixels(cells.top + rows, cells.left + columns)
+        pixels[rows, :, columns, :] = np.where(on_piece, lit, pixels[rows, :, columns, :])
 
 
-def _extremes(nodes: FloatArray) -> tuple[Float32Array, Float32Array]:
-    """Return the least and the greatest value (ROWS, COLUMNS) at each cell's node and its neighbours."""
-    values, around = nodes.astype(np.float32), np.ones((3, 3))
-    lowest: Float32Array = cv2.erode(values, around)[1:-1, 1:-1]  # type: ignore[assignment]
-    highest: Float32Array = cv2.dilate(values, around)[1:-1, 1:-1]  # type: ignore[assignment]
-    return lowest, highest
+class _Region(NamedTuple):
+    """Where none of some functions (nodes) is negative: `whole` cells, and parts of those that its border may `cut`."""
+
+    functions: tuple[FloatArray, ...]
+    whole: BoolArray
+    cut: BoolArray
+
+    @classmethod
+    def of(cls, *functions: FloatArray) -> "_Region":
+        signs = [(function >= 0).view(np.uint8) for function in functions]
+        whole = cv2.erode(np.bitwise_and.reduce(signs), AROUND)[1:-1, 1:-1] > 0
+        touched = np.bitwise_and.reduce([cv2.dilate(sign, AROUND)[1:-1, 1:-1] for sign in signs]) > 0
+        return cls(functions, whole, touched & ~whole)
+
+    def pixels(self, rows: IntArray, columns: IntArray) -> BoolArray:
+        """Return which pixels (n, CELL, CELL) of some cells are in it."""
+        inside = self.whole[rows, columns].repeat(CELL * CELL).reshape(-1, CELL, CELL)
+        cut = self.cut[rows, columns]
+        rows, columns = rows[cut], columns[cut]
+        inside[cut] = np.logical_and.reduce([_in_cells(each, rows, columns) >= 0 for each in self.functions])
+        return inside
 
 
 def _in_cells(nodes: FloatArray, rows: IntArray, columns: IntArray) -> FloatArray:
     """Return the function (n, CELL, CELL) at the pixels of some cells, interpolated as `of_pixels` does."""
-    around = np.stack([nodes[rows + i, columns + j] for i in range(3) for j in range(3)], axis=-1)
+    around: FloatArray = nodes[rows[:, None] + _DOWN, columns[:, None] + _ACROSS]
     return (around @ _WEIGHTS).reshape(-1, CELL, CELL)
 
 
@@ -71,4 +93,5 @@ def _weights() -> FloatArray:
     return np.kron(along, along)
 
 
+_DOWN, _ACROSS = np.indices((3, 3)).reshape(2, 9)
 _WEIGHTS = _weights()

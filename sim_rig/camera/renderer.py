@@ -15,8 +15,8 @@ import numpy as np
 
 from messages.arrays import BoolArray, FloatArray, FloatImage, GreyImage, IntArray
 from sim_rig.camera.blur import LENS_BLUR_PX, line_kernel
-from sim_rig.camera.grid import CELL, COLUMNS, ROWS, node_pixels, of_pixels
-from sim_rig.camera.light_map import LightMap, Shaded
+from sim_rig.camera.grid import AROUND, CELL, COLUMNS, PICTURE, ROWS, Cells, node_pixels, of_pixels
+from sim_rig.camera.light_map import LightMap
 from sim_rig.camera.mirrored_ceiling import add_mirrored, ceiling_pieces
 from sim_rig.camera.raw_camera import Camera
 from sim_rig.camera.textures import CANVAS_COLUMNS, MAX_LEVEL, TILE, canvas, texel_m
@@ -25,7 +25,6 @@ from sim_rig.unit import HEIGHT_PX, WIDTH_PX, Unit
 from sim_rig.walk.gait import Gait, Motion
 from sim_rig.walk.polish import Polish
 from sim_rig.walk.relief import Relief
-from sim_rig.walk.shade import Shade
 from sim_rig.walk.things import Placed, Thing, Walker
 from sim_rig.walk.world import Segment, World
 
@@ -107,7 +106,7 @@ class Renderer:
                 cv2.multiply(seen, camera.shade, dst=picture, scale=camera.gain / 255)
             else:  # not rounded before the noise, which is larger than what is left of a texture
                 light = self._dimmed(camera, seen)
-                np.copyto(picture, np.clip(np.rint(light), 0, 255), casting="unsafe")
+                cv2.convertScaleAbs(light, dst=picture)
             if self._effects.noise:
                 row, column = rng.integers(0, _NOISE_MARGIN, 2)
                 field = self._noise[row : row + HEIGHT_PX, column : column + WIDTH_PX]
@@ -128,11 +127,11 @@ class Renderer:
         for camera in self.cameras:
             view = _View(camera, motion)
             self._picture.fill(_BACKGROUND)
-            shades = view.shades_in_sight(self._world)
+            light = view.light_under(self._world)
             for segment in view.pieces_in_sight(self._world):
-                view.draw(segment, self._world.relief, self._picture, shades)
-            if shades:
-                cv2.multiply(self._picture, view.light.pixels, dst=self._picture, dtype=cv2.CV_8U)
+                view.draw(segment, self._world.relief, self._picture, light)
+            if light is not None:
+                cv2.multiply(self._picture, light.pixels, dst=self._picture, dtype=cv2.CV_8U)
             blurred = self._blurred(view, self._picture, exposure_s)
             if self._world.polish is not None:
                 self._mirror_ceiling(self._world.polish, _View(camera, motion), exposure_s, blurred)
@@ -189,7 +188,6 @@ class _View:
         )
         self._depth_m = np.full((_BLUR_ROWS, _BLUR_COLUMNS), np.inf)
         self._relief_m: FloatArray | None = None
-        self.light = LightMap()
 
     @property
     def x_m(self) -> float:
@@ -204,11 +202,12 @@ class _View:
             return ahead
         return [piece for piece in world.between(x_m - _REACH_M, x_m + _NEAREST_M) if piece not in ahead] + ahead
 
-    def shades_in_sight(self, world: World) -> list[Shade]:
-        """Return the shades that may lie on ground within reach."""
-        return world.shades_between(self.x_m - _REACH_M, self.x_m + _REACH_M)
+    def light_under(self, world: World) -> LightMap | None:
+        """Return the light under the shades that may lie on ground within reach, None without any."""
+        shades = world.shades_between(self.x_m - _REACH_M, self.x_m + _REACH_M)
+        return LightMap(shades, self._o_W, self.d_W) if shades else None
 
-    def draw(self, segment: Segment, relief: Relief | None, picture: GreyImage, shades: Sequence[Shade] = ()) -> None:
+    def draw(self, segment: Segment, relief: Relief | None, picture: GreyImage, light: LightMap | None = None) -> None:
         """Draw what of `segment` faces this camera over `picture`, with `relief` on it, and note its `light`."""
         length_m = segment.length_m
         along_x, along_z = (segment.x1_m - segment.x0_m) / length_m, (segment.z1_m - segment.z0_m) / length_m
@@ -233,8 +232,8 @@ class _View:
         if seen.any():
             self._note_depth(s_m, above_m / W_ahead, length_m)
             _paint_piece(segment, seen, _Hits(S, C, W, s_m, C / W_ahead), picture)
-            if shades:
-                self._note_light(shades, above_m, S, W, length_m)
+            if light is not None:
+                light.note(above_m, S, W, length_m)
 
     def blur(self, sharp: GreyImage, exposure_s: float) -> GreyImage:
         """Return the picture smeared along each of 6×5 tiles' own image motion during the exposure."""
@@ -257,17 +256,6 @@ class _View:
         s_m, depth_m = s_m[self._blur_rows, self._blur_columns], depth_m[self._blur_rows, self._blur_columns]
         hit = (s_m >= 0) & (s_m <= length_m)
         self._depth_m[hit] = np.minimum(self._depth_m, depth_m)[hit]
-
-    def _note_light(
-        self, shades: Sequence[Shade], above_m: FloatArray, S: FloatArray, W: FloatArray, length_m: float
-    ) -> None:
-        """Note the light on a piece. A point p = o + λd has n·p W = n·o W + above n·d, linear in the pixel."""
-        shaded = []
-        for shade in shades:
-            normal = np.array(shade.normal_W)
-            along = (self._o_W @ normal)[:, None] * W + above_m * (self.d_W @ normal)
-            shaded.append(Shaded(along - shade.from_m * W, shade.to_m * W - along, shade.factor))
-        self.light.note((W, S, length_m * W - S), shaded)
 
     def _image_motion(self) -> FloatArray:
         """Return the velocity (rows, columns, 2) in px/s of the ground seen at each tile's centre: −ω×P − v in E."""
@@ -313,49 +301,60 @@ def _paint_piece(segment: Segment, seen: BoolArray, at: _Hits, picture: GreyImag
             _levels(at.c_m, top, bottom, middle, across_m),
         )
     )
+    shown = _cells_showing(at.S, at.W, length_m, along_m * 2**MAX_LEVEL)
     changes = np.flatnonzero((np.diff(levels) != 0).any(axis=0)) + 1
     for begin, end in zip((0, *changes), (*changes, bottom - top), strict=True):
         row_level, column_level = (int(level) for level in levels[:, begin])
-        band = slice(top + begin, top + end)
-        touched = cv2.dilate(seen[band, left:right].astype(np.uint8), np.ones((3, 3))) > 0
-        c_m = at.c_m[band.start + 1 : band.stop + 1, left + 1 : right + 1]
-        most_m = _WIDEST_RISER_M if segment.is_riser else np.inf
-        for first, last in _spans(c_m, touched, 0, right - left, most_m):
-            c_seen = c_m[:, first:last][touched[:, first:last]]
-            origin, level = _column_origin(float(c_seen.min()), float(c_seen.max()), column_level, across_m)
-            nodes = (slice(band.start, band.stop + 2), slice(left + first, left + last + 2))
-            W_band = at.W[nodes]
+        band = Cells(top + begin, top + end, left, right)
+        touched = cv2.dilate(seen[band.block].view(np.uint8), AROUND) > 0
+        c_m, most_m = at.c_m[1:-1, 1:-1][band.block], _WIDEST_RISER_M if segment.is_riser else np.inf
+        for c_from_m, c_to_m, cells in _spans(c_m, touched, shown[band.block], band, most_m):
+            origin, level = _column_origin(c_from_m, c_to_m, column_level, across_m)
             surface = canvas(segment.texture, rows_texels, segment.texture_phase, row_level, level)
+            W_cells = at.W[cells.nodes]
             _paint(
                 surface,
-                at.C[nodes] / (across_m * 2**level) - origin * W_band,
-                at.S[nodes] / (along_m * 2**row_level),
-                W_band,
-                picture[band.start * CELL : band.stop * CELL, (left + first) * CELL : (left + last) * CELL],
+                at.C[cells.nodes] / (across_m * 2**level) - origin * W_cells,
+                at.S[cells.nodes] / (along_m * 2**row_level),
+                W_cells,
+                picture[cells.pixels(PICTURE)],
             )
 
 
-def _spans(c_m: FloatArray, touched: BoolArray, first: int, last: int, most_m: float) -> Iterator[tuple[int, int]]:
-    """Yield ranges of columns, each with no more than `most_m` of a piece across the way; a single cell as it is.
-
-    A piece's corner need not show in every band of its box.
+def _spans(
+    c_m: FloatArray, touched: BoolArray, shown: BoolArray, band: Cells, most_m: float
+) -> Iterator[tuple[float, float, Cells]]:
+    """Yield from where to where across the way, no more than `most_m` or a single column, and in which cells of `band`
+    a piece is `shown`: its corner need not show in every band of its box.
     """
-    c_seen = c_m[:, first:last][touched[:, first:last]]
-    if not len(c_seen):
+    c_seen, cells, half = c_m[touched], Cells.holding(shown, band), (band.right - band.left) // 2
+    if not len(c_seen) or cells is None:
         return
-    if last - first == 1 or c_seen.max() - c_seen.min() <= most_m:
-        yield first, last
+    c_from_m, c_to_m = float(c_seen.min()), float(c_seen.max())
+    if half == 0 or c_to_m - c_from_m <= most_m:
+        yield c_from_m, c_to_m, cells
     else:
-        middle = (first + last) // 2
-        yield from _spans(c_m, touched, first, middle, most_m)
-        yield from _spans(c_m, touched, middle, last, most_m)
+        before, beyond = band._replace(right=band.left + half), band._replace(left=band.left + half)
+        yield from _spans(c_m[:, :half], touched[:, :half], shown[:, :half], before, most_m)
+        yield from _spans(c_m[:, half:], touched[:, half:], shown[:, half:], beyond, most_m)
 
 
 def _cells_touching(s_m: FloatArray, length_m: float) -> BoolArray:
     """Return (rows, columns) of cells: whether any s within the cell or its neighbours' nodes lies on the piece."""
-    s32, kernel = s_m.astype(np.float32), np.ones((3, 3))
-    touching: BoolArray = (cv2.dilate(s32, kernel) > 0) & (cv2.erode(s32, kernel) < length_m)
+    s32 = s_m.astype(np.float32)
+    touching: BoolArray = (cv2.dilate(s32, AROUND) > 0) & (cv2.erode(s32, AROUND) < length_m)
     return touching[1:-1, 1:-1]
+
+
+def _cells_showing(S: FloatArray, W: FloatArray, length_m: float, margin_m: float) -> BoolArray:
+    """Return (rows, columns) of cells: whether s = S / W of any pixel may lie on the piece, or `margin_m` beside it.
+
+    None does where all nodes lie before the piece, or all beyond it: S and W are linear between them.
+    """
+    before, beyond = S + margin_m * W < 0, (length_m + margin_m) * W - S < 0  # both of a point behind the camera
+    side = 1 + before.view(np.uint8) - beyond.view(np.uint8)
+    showing: BoolArray = (cv2.erode(side, AROUND) <= 1) & (cv2.dilate(side, AROUND) >= 1)
+    return showing[1:-1, 1:-1]
 
 
 def _levels(position_m: FloatArray, top: int, bottom: int, column: int, full_size_m: float) -> IntArray:

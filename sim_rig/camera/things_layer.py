@@ -11,7 +11,6 @@ in the pixel, so they are interpolated between nodes and then divided, as for th
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -20,7 +19,7 @@ from messages import Lens
 from messages.arrays import FloatArray, FloatImage, GreyImage
 from perception.depth.rectify import intrinsics
 from sim_rig.camera.blur import LENS_BLUR_PX, line_kernel
-from sim_rig.camera.grid import CELL, COLUMNS, ROWS, of_pixels
+from sim_rig.camera.grid import AROUND, CELL, COLUMNS, PICTURE, ROWS, Cells, of_pixels
 from sim_rig.camera.textures import MAX_LEVEL, face
 from sim_rig.walk.things import Block, Placed
 
@@ -48,45 +47,6 @@ class Eye:
         return pixels.reshape(-1, 2).astype(np.float64)
 
 
-class _Cells(NamedTuple):
-    """The cells [top, bottom) × [left, right) of the picture."""
-
-    top: int
-    bottom: int
-    left: int
-    right: int
-
-    @classmethod
-    def over(cls, parts: Sequence["_Cells"]) -> "_Cells":
-        """Return the smallest block of cells that holds all of `parts`."""
-        tops, bottoms, lefts, rights = zip(*parts, strict=True)
-        return cls(min(tops), max(bottoms), min(lefts), max(rights))
-
-    def grown(self) -> "_Cells":
-        """Return them and one more on either side where the picture has it."""
-        return _Cells(
-            max(0, self.top - 1), min(ROWS, self.bottom + 1), max(0, self.left - 1), min(COLUMNS, self.right + 1)
-        )
-
-    @property
-    def nodes(self) -> tuple[slice, slice]:
-        """Return their nodes and one more on either side."""
-        return slice(self.top, self.bottom + 2), slice(self.left, self.right + 2)
-
-    @property
-    def shape_px(self) -> tuple[int, int]:
-        """Return how many rows and columns of pixels they have."""
-        return (self.bottom - self.top) * CELL, (self.right - self.left) * CELL
-
-    def pixels(self, origin: "_Cells") -> tuple[slice, slice]:
-        """Return their pixels, counted from the first one of `origin`."""
-        (rows, columns), top, left = self.shape_px, (self.top - origin.top) * CELL, (self.left - origin.left) * CELL
-        return slice(top, top + rows), slice(left, left + columns)
-
-
-_PICTURE = _Cells(0, ROWS, 0, COLUMNS)
-
-
 class ThingsLayer:
     """What one eye sees of `blocks` at one frame: of each pixel the nearest block's number, grey and inverse depth.
 
@@ -96,15 +56,15 @@ class ThingsLayer:
     def __init__(self, eye: Eye, blocks: Sequence[Placed]) -> None:
         self._eye = eye
         around = [(placed, cells) for placed in blocks if (cells := _cells_around(eye, placed)) is not None]
-        self._all = _Cells.over([cells for _, cells in around]).grown() if around else _Cells(0, 0, 0, 0)
+        self._all = Cells.over([cells for _, cells in around]).grown() if around else Cells(0, 0, 0, 0)
         self._owner = np.zeros(self._all.shape_px, np.uint8)  # 1 for the first block; 0 is the ground
         self._grey = np.zeros(self._all.shape_px, np.uint8)
         self._inverse: FloatImage = np.zeros(self._all.shape_px, np.float32)
-        self._drawn: list[tuple[int, Placed, _Cells]] = []
+        self._drawn: list[tuple[int, Placed, Cells]] = []
         for number, (placed, cells) in enumerate(around, start=1):
             painted = self._draw(number, placed, cells)
             if painted:
-                self._drawn.append((number, placed, _Cells.over(painted)))
+                self._drawn.append((number, placed, Cells.over(painted)))
 
     def draw_over(self, ground: GreyImage, *, blur: bool) -> None:
         """Draw the blocks over `ground` (720, 1280), a picture through the lens.
@@ -113,7 +73,7 @@ class ThingsLayer:
         """
         if not self._drawn:
             return
-        extent = _Cells.over([cells for _, _, cells in self._drawn]).grown()
+        extent = Cells.over([cells for _, _, cells in self._drawn]).grown()
         share, light = np.zeros((2, *extent.shape_px), np.float32)
         for number, placed, cells in self._drawn:
             mine = (self._owner[cells.pixels(self._all)] == number).view(np.uint8)
@@ -131,13 +91,13 @@ class ThingsLayer:
                 through_lens = cv2.GaussianBlur(sharp, (3, 3), LENS_BLUR_PX)
                 part = total[around.pixels(extent)]
                 part += through_lens if kernel is None else cv2.filter2D(through_lens, -1, kernel)
-        behind = ground[extent.pixels(_PICTURE)]
+        behind = ground[extent.pixels(PICTURE)]
         light += np.maximum(1.0 - share, 0.0) * behind
         cv2.divide(light, np.maximum(share, 1.0), dst=behind, dtype=cv2.CV_8U)
 
-    def _draw(self, number: int, placed: Placed, cells: _Cells) -> list[_Cells]:
+    def _draw(self, number: int, placed: Placed, cells: Cells) -> list[Cells]:
         """Draw a block where it is nearer than what was drawn before; return in which cells its faces lie."""
-        painted: list[_Cells] = []
+        painted: list[Cells] = []
         half_m = 0.5 * np.array(placed.block.size_m)
         rows, columns = cells.nodes
         R_WT, R_WE = placed.R_WT[rows], self._eye.R_WE[rows]
@@ -171,7 +131,7 @@ class ThingsLayer:
     def _paint(
         self,
         number: int,
-        cells: _Cells,
+        cells: Cells,
         nodes: tuple[FloatArray, FloatArray, FloatArray],
         texels: tuple[float, float],
         surface: GreyImage,
@@ -193,9 +153,7 @@ class ThingsLayer:
         np.copyto(nearest, inverse, where=shown)
         np.copyto(self._owner[window], number, where=shown)
 
-    def _image_motion(
-        self, placed: Placed, cells: _Cells, middle_px: tuple[float, float], depth_m: float
-    ) -> FloatArray:
+    def _image_motion(self, placed: Placed, cells: Cells, middle_px: tuple[float, float], depth_m: float) -> FloatArray:
         """Return how far (2,), in px, a block's point moves during the exposure that is seen `middle_px`, row and
         column, from the first pixel of `cells`.
         """
@@ -209,7 +167,7 @@ class ThingsLayer:
         return moved
 
 
-def _cells_around(eye: Eye, placed: Placed) -> _Cells | None:
+def _cells_around(eye: Eye, placed: Placed) -> Cells | None:
     """Return the cells that may show the block at any row, None if there are none."""
     lattice_T = _LATTICE * np.array(placed.block.size_m)
     at = np.array([0, ROWS // 2, ROWS + 1])
@@ -218,26 +176,22 @@ def _cells_around(eye: Eye, placed: Placed) -> _Cells | None:
     if points_E[:, 2].max() < _NEAREST_M:
         return None
     if points_E[:, 2].min() < _NEAREST_M:  # partly behind the camera: its projection has no bounds
-        return _Cells(0, ROWS, 0, COLUMNS)
+        return PICTURE
     low, high = (eye.project(points_E) - _MARGIN_PX).min(axis=0), (eye.project(points_E) + _MARGIN_PX).max(axis=0)
     left, top = np.maximum(low // CELL, 0).astype(int)
     right, bottom = np.minimum(high // CELL + 1, (COLUMNS, ROWS)).astype(int)
-    return _Cells(int(top), int(bottom), int(left), int(right)) if top < bottom and left < right else None
+    return Cells(int(top), int(bottom), int(left), int(right)) if top < bottom and left < right else None
 
 
-def _cells_touching(bounds: Sequence[FloatArray], cells: _Cells) -> _Cells | None:
+def _cells_touching(bounds: Sequence[FloatArray], cells: Cells) -> Cells | None:
     """Return those of `cells` near whose nodes each of `bounds` is positive somewhere, and the cells between; or None.
 
     Each by itself: a face may pass between nodes.
     """
     near = np.ones((cells.bottom - cells.top, cells.right - cells.left), np.bool_)
     for bound in bounds:
-        near &= cv2.dilate((bound > 0).view(np.uint8), np.ones((3, 3)))[1:-1, 1:-1] > 0
-    left, top, width, height = cv2.boundingRect(near.view(np.uint8))
-    if width == 0:
-        return None
-    top, left = cells.top + top, cells.left + left
-    return _Cells(top, top + height, left, left + width)
+        near &= cv2.dilate((bound > 0).view(np.uint8), AROUND)[1:-1, 1:-1] > 0
+    return Cells.holding(near, cells)
 
 
 def _surface(

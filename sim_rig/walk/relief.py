@@ -37,7 +37,7 @@ class Relief:
 
     def heights(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         """Return z over the level ground at each (x, y) of W, arrays of one shape."""
-        column, row = (np.mod(each / _CELL_M, _CELLS).astype(np.float32) for each in (x_m, y_m))
+        column, row = (_in_tile(each / _CELL_M).astype(np.float32) for each in (x_m, y_m))
         shape = np.shape(x_m)
         flat = (column.reshape(shape[0], -1), row.reshape(shape[0], -1))
         field = _field(self.smooth_m, self.seed)
@@ -50,7 +50,7 @@ class Relief:
         upwards is taken to meet level ground.
         """
         fall = np.where(d[..., 2] < 0, -d[..., 2], np.inf)
-        z_before, gap_before = np.full(fall.shape, self.most_m), np.full(fall.shape, self.most_m)
+        z_before, gap_before = self.most_m, np.zeros(fall.shape)
         met = np.zeros(fall.shape)
         found = np.zeros(fall.shape, np.bool_)
         steps = max(_STEPS, round(2 * self.most_m / _STEP_M))
@@ -62,10 +62,16 @@ class Relief:
                 met[crossed] = z
             else:
                 share = gap_before[crossed] / (gap_before[crossed] - gap[crossed])
-                met[crossed] = z_before[crossed] + share * (z - z_before[crossed])
+                met[crossed] = z_before + share * (z - z_before)
             found |= crossed
-            z_before, gap_before = np.full(fall.shape, z), gap
+            z_before, gap_before = z, gap
         return met
+
+
+def _in_tile(cells: FloatArray) -> FloatArray:
+    """Return np.mod(cells, _CELLS), to the last bit because that is a power of two, several times as fast."""
+    inside: FloatArray = cells - _CELLS * np.floor(cells / _CELLS)
+    return inside
 
 
 @lru_cache(maxsize=8)
