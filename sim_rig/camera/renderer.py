@@ -110,7 +110,8 @@ class Renderer:
             if self._effects.noise:
                 row, column = rng.integers(0, _NOISE_MARGIN, 2)
                 field = self._noise[row : row + HEIGHT_PX, column : column + WIDTH_PX]
-                noise = cv2.multiply(cv2.LUT(picture, self._deviation), field)
+                noise = cv2.LUT(picture, self._deviation)
+                cv2.multiply(noise, field, dst=noise)
                 cv2.add(light, noise, dst=picture, dtype=cv2.CV_8U)
 
     def light(self, t_ns: int, exposure_s: float) -> tuple[FloatImage, FloatImage]:
@@ -154,8 +155,10 @@ class Renderer:
     def _dimmed(self, camera: Camera, seen: GreyImage) -> FloatImage:
         """Return `seen` at this renderer's contrast, shaded, in grey levels."""
         even = np.float32((1.0 - self._contrast) * _EVEN_GREY)
-        dimmed = seen * np.float32(self._contrast) + even
-        return cv2.multiply(dimmed, camera.shade, scale=camera.gain / 255, dtype=cv2.CV_32F)  # type: ignore[return-value]
+        dimmed: FloatImage = seen * np.float32(self._contrast)
+        dimmed += even
+        cv2.multiply(dimmed, camera.shade, dst=dimmed, scale=camera.gain / 255, dtype=cv2.CV_32F)
+        return dimmed
 
     def _placed(self, t_ns: int, exposure_s: float) -> tuple[list[Placed], Motion | None]:
         """Return the blocks of all things, and the wearer's motion, at the rows of nodes and at the exposure's ends."""
@@ -382,8 +385,8 @@ def _paint(surface: GreyImage, C: FloatArray, S: FloatArray, W: FloatArray, pict
     c, s, w = (of_pixels(nodes) for nodes in (C, S, W))
     cv2.remap(
         surface,
-        cv2.divide(c, w),
-        cv2.divide(s, w),
+        cv2.divide(c, w, dst=c),
+        cv2.divide(s, w, dst=s),
         cv2.INTER_LINEAR,
         dst=picture,
         borderMode=cv2.BORDER_TRANSPARENT,
