@@ -23,6 +23,7 @@ from typing import Final
 
 import msgspec
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from impedance.ankle.mixed_model import Block, MixedFit, Prior, fit
 from impedance.ankle.motion import REFLEX_FROM_S, AnkleMotion, Bodies, bodies_of, motion_of
@@ -78,7 +79,7 @@ class AxisImpedance:
     `noise_nm` is the moment's noise, `drift_nm` the root mean square of the voluntary and balancing moment taken off,
     `reflex_nm` that of the reflex; `accounted` is the share of the perturbed moment's variance that the model accounts
     for, noise and all; `delay` is the wrench's delay beyond the one taken out and its variance, in units of the stated
-    deviation and its square; `fitted_nm` (m,) is the right side of (1) without e.
+    deviation and its square; `fitted_nm` (m,) is the right side of (1) without e, and `misfit_nm` (m,) that e.
     """
 
     stiffness: Curve
@@ -94,6 +95,7 @@ class AxisImpedance:
     reflex_nm: float
     accounted: float
     fitted_nm: FloatArray
+    misfit_nm: FloatArray
 
 
 @dataclass(frozen=True)
@@ -109,18 +111,32 @@ class AnkleImpedance:
     delay_s: float
     delay_deviation_s: float
 
+    def noise_of(self, trial: AnkleTrial, delay_s: float) -> FloatArray:
+        """Return e of (1) about both axes in all samples (n, 2) of the trial's wrench, 0 where it is not known.
+
+        The model takes the wrench `delay_s` earlier, and its noise with it, so it is as much later there.
+        """
+        noise_nm = np.zeros((len(trial.t_s), len(self.axes)))
+        noise_nm[self.rows] = np.column_stack([axis.misfit_nm for axis in self.axes])
+        for cycle in range(len(trial.perturbation)):
+            own = trial.rows_of(cycle)
+            t_s = trial.t_s[own]
+            noise_nm[own] = CubicSpline(t_s, noise_nm[own])(np.clip(t_s - delay_s, t_s[0], t_s[-1]))
+        return noise_nm
+
 
 def identify(trial: AnkleTrial, points: int = 29) -> AnkleImpedance:
     """Return the impedance at `points` shares of stance; raises UserError where the trial cannot tell it."""
     if all(kind is Perturbation.NONE for kind in trial.perturbation):
         raise UserError(_UNPERTURBED)
     told = trial.settings.instruments
-    delay_s, deviation_s = told.delay_s, told.delay_deviation_s
+    delay_s, deviation_s, noise_nm = told.delay_s, told.delay_deviation_s, None
     for _ in range(_DELAY_ROUNDS if deviation_s > 0.0 else 0):
         wide_s = max(told.delay_deviation_s, _DELAY_SOUGHT_S)
-        seen = _identify_at(_with_delay(trial, delay_s, wide_s), points, Prior.UNIT)
+        seen = _identify_at(_with_delay(trial, delay_s, wide_s), points, Prior.UNIT, noise_nm)
         delay_s, deviation_s = _joined(told, delay_s, wide_s, seen.axes)
-    found = _identify_at(_with_delay(trial, delay_s, deviation_s), points, Prior.CONSIDERED)
+        noise_nm = seen.noise_of(trial, delay_s)
+    found = _identify_at(_with_delay(trial, delay_s, deviation_s), points, Prior.CONSIDERED, noise_nm)
     return replace(found, delay_s=delay_s, delay_deviation_s=deviation_s)
 
 
@@ -152,10 +168,10 @@ def _joined(
     return joined_s, float((before + information) ** -0.5)
 
 
-def _identify_at(trial: AnkleTrial, points: int, delay_prior: Prior) -> AnkleImpedance:
+def _identify_at(trial: AnkleTrial, points: int, delay_prior: Prior, noise_nm: FloatArray | None) -> AnkleImpedance:
     """Return the impedance with the delay that the trial states: estimated beside it, or considered."""
     bodies = bodies_of(trial.settings)
-    motion = motion_of(trial, bodies)
+    motion = motion_of(trial, bodies, noise_nm)
     used = _used(trial, motion)
     if not used.any():
         raise UserError(_UNPERTURBED)
@@ -270,6 +286,7 @@ def _identify_axis(
         reflex_nm=reflex_nm,
         accounted=float(1.0 - found.residual.var() / (found.residual + perturbed).var()),
         fitted_nm=motion.moment[used, axis] - found.residual,
+        misfit_nm=found.residual,
     )
 
 

@@ -77,9 +77,16 @@ def bodies_of(settings: TrialSettings) -> Bodies:
     return Bodies(plate, foot, plate_covariance, foot_covariance)
 
 
-def motion_of(trial: AnkleTrial, bodies: Bodies) -> AnkleMotion:
-    """Return the motion and moments of (1) with the foot flat."""
+def motion_of(trial: AnkleTrial, bodies: Bodies, noise_nm: FloatArray | None = None) -> AnkleMotion:
+    """Return the motion and moments of (1) with the foot flat.
+
+    `noise_nm` (n, 2) is what is known of the noise in the trial's moments about A. The stated delay is taken out, and
+    more of it looked for, by the rate of the wrench without it: noise in both would draw the delay to zero.
+    """
     settings = trial.settings
+    clean = trial.wrench.copy()
+    if noise_nm is not None:
+        clean[:, [5, 3]] -= noise_nm
     plate, shank = np.empty((3, len(trial.t_s), 2)), np.empty((3, len(trial.t_s), 2))
     for cycle in range(len(trial.perturbation)):
         own = trial.rows_of(cycle)
@@ -96,7 +103,7 @@ def motion_of(trial: AnkleTrial, bodies: Bodies) -> AnkleMotion:
     axes = [2, 0]
     for cycle in range(len(trial.perturbation)):
         own = trial.rows_of(cycle)
-        later, rate = _later(trial, cycle)
+        later, rate = _later(trial, clean, cycle)
         all_wrench[own] = trial.wrench[own] + later
         moved = trial.perturbation[cycle] is not Perturbation.NONE  # without it the rate is noise, which dims the delay
         measured_rate[own] = (rate[:, 3:] - np.cross(A, rate[:, :3]))[:, axes] if moved else 0.0
@@ -139,13 +146,13 @@ def _vector(about_z_and_x: FloatArray) -> FloatArray:
     return vector
 
 
-def _later(trial: AnkleTrial, cycle: int) -> tuple[FloatArray, FloatArray]:
-    """Return by what a cycle's wrench (n, 6) differs the stated delay later, and its rate (n, 6), both smooth.
+def _later(trial: AnkleTrial, wrench: FloatArray, cycle: int) -> tuple[FloatArray, FloatArray]:
+    """Return by what the trial's `wrench` differs in a cycle the stated delay later, and its rate (n, 6), both smooth.
 
     Of a ramp's cycle nothing from the reflex on reaches before it.
     """
     own = trial.rows_of(cycle)
-    t_s, wrench = trial.t_s[own], trial.wrench[own]
+    t_s, wrench = trial.t_s[own], wrench[own]
     ramp = trial.perturbation[cycle] is Perturbation.RAMP
     reflex_s = trial.onset_s[cycle] + REFLEX_FROM_S if ramp else np.inf
     later, rate = np.zeros_like(wrench), np.zeros_like(wrench)
