@@ -50,6 +50,11 @@ def test_a_delay_is_told_by_both_axes_and_costs_no_damping(run: AnkleRun) -> Non
     assert damping_error(run, believed) > 0.12
 
 
+def test_noise_does_not_draw_a_delay_to_zero(run: AnkleRun) -> None:
+    late_s, early_s = (identify(measured(late(run, delay_s), AT_15_DB, SEED)).delay_s for delay_s in (8e-4, -8e-4))
+    assert abs(late_s - early_s - 16e-4) < 2e-5
+
+
 def test_a_delay_that_is_known_is_taken_out(run: AnkleRun) -> None:
     known = trial_of(run, 1e-3, delay_s=1e-3, delay_deviation_s=0.0)
     assert identify(known).delay_s == 1e-3
