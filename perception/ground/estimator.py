@@ -153,6 +153,7 @@ class GroundEstimator:
         if view.contradicts:
             self._tracker.miss()
             return self._invalid(frame, Reason.VIEW_DEFORMED, measured.matched_share)
+        alike = self._view.eyes_are_alike or self._repetition.repeats(t_ns)  # tiles a row too far match something else
         tracked = self._tracker.updated(
             t_ns,
             measured.fit,
@@ -160,7 +161,7 @@ class GroundEstimator:
             R_WH,
             attitude_cov_W,
             may_begin=begins and not view.doubtful,
-            even=self._view.eyes_are_alike and (rough or self._meter.is_even(measured.fit)),
+            even=alike and (rough or self._meter.is_even(measured.fit)),
             v_W_mps=v_C_W,
         )
         if tracked is None and self._tracks:
