@@ -21,12 +21,12 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from calib.nominal import NOMINAL_RESIDUAL
 from calib.strict_yaml import CalibrationError
 from messages import Calibration, Lens, Pose, StereoCalibration, matrix3
 from messages.text_files import read_text
+from perception import so3
 
 
 class ZedMode(NamedTuple):
@@ -151,9 +151,7 @@ def _pair(conf: _Conf, mode: str) -> Pose:
     offset_keys = (f"{key}_{mode}" if conf.has("STEREO", f"{key}_{mode}") else key for key in ("TY", "TZ"))
     ty_mm, tz_mm = (conf.number("STEREO", key, -_OFFSET_MM, _OFFSET_MM, "mm") for key in offset_keys)
     rotvec = [conf.number("STEREO", f"{key}_{mode}", -_ANGLE_RAD, _ANGLE_RAD, "rad") for key in ("RX", "CV", "RZ")]
-    return Pose(
-        R=matrix3(Rotation.from_rotvec(rotvec).as_matrix()), p_m=(-baseline_mm * 1e-3, ty_mm * 1e-3, tz_mm * 1e-3)
-    )
+    return Pose(R=matrix3(so3.exp(np.array(rotvec))), p_m=(-baseline_mm * 1e-3, ty_mm * 1e-3, tz_mm * 1e-3))
 
 
 def with_factory_pair(known: Calibration, stereo: StereoCalibration, unit: str | None) -> Calibration:
@@ -188,7 +186,7 @@ def zed_conf_text(stereo: StereoCalibration, mode: str) -> str:
     if given != size[:2]:
         raise CalibrationError(f"the pair is {given[0]}x{given[1]} px, mode {mode} of a ZED {size[0]}x{size[1]} px")
     tx, ty, tz = (1e3 * part for part in stereo.X_RL.p_m)
-    rx, ry, rz = Rotation.from_matrix(np.array(stereo.X_RL.R)).as_rotvec().tolist()
+    rx, ry, rz = so3.log(np.array(stereo.X_RL.R)).tolist()
     pair = {"Baseline": -tx, "TY": ty, "TZ": tz, f"RX_{mode}": rx, f"CV_{mode}": ry, f"RZ_{mode}": rz}
     sections = [
         (f"LEFT_CAM_{mode}", _conf_lens(stereo.left)),

@@ -143,7 +143,10 @@ def _logs(
 
 
 def _measured(config: Path, seconds: float, line: Callable[["ImuLog"], str]) -> list["ImuSample"]:
-    """Return the samples of the device that the configuration names, telling once a second how far it is."""
+    """Return the samples of the device that the configuration names, telling once a second how far it is.
+
+    `seconds` count on the samples' own clock, so that a busy host measures no less; a device that falls silent ends it.
+    """
     import time
 
     from calib.imu.log import log_of_samples
@@ -157,15 +160,23 @@ def _measured(config: Path, seconds: float, line: Callable[["ImuLog"], str]) -> 
     samples = list["ImuSample"]()
     try:
         with LiveLine() as shown:
-            start_s = told_s = time.monotonic()
-            while (now_s := time.monotonic()) - start_s < seconds:
-                samples += device.read(timeout_s=0.1)
+            heard_s = told_s = time.monotonic()
+            measured_s = 0.0
+            while measured_s < seconds and (now_s := time.monotonic()) - heard_s < _SILENT_S:
+                new = device.read(timeout_s=0.1)
+                if new:
+                    samples += new
+                    heard_s, measured_s = now_s, 1e-9 * (samples[-1].t_sample_ns - samples[0].t_sample_ns)
                 if now_s - told_s >= 1.0 and len(samples) > 200:
                     told_s = now_s
-                    shown.tell(f"{now_s - start_s:5.0f} s  " + line(log_of_samples(samples, str(config))))
+                    shown.tell(f"{measured_s:5.0f} s  " + line(log_of_samples(samples, str(config))))
     finally:
         device.close()
     return samples
+
+
+_SILENT_S = 5.0
+"""A device that gives no sample for so long gives none any more."""
 
 
 def _pose_line(log: "ImuLog", gravity_mps2: float | None) -> str:

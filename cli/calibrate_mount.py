@@ -144,7 +144,7 @@ def _walked(walk: Path, calibration: "Calibration", where: str, what: str) -> "F
     if not isinstance(recorded, Calibration) or recorded.stereo.left.width_px != calibration.stereo.left.width_px:
         raise UserError(f"{where}: is not of a pair with the size of calibration '{calibration.unit}'")
     shift_s = calibration.stereo.stamp_to_mid_exposure_s - recorded.stereo.stamp_to_mid_exposure_s
-    pipeline = Pipeline(calibration, opened.configuration.foothold, None, RIGID)
+    pipeline = Pipeline(calibration, opened.configuration.foothold, None, RIGID, tells_terrain=False)
     temperatures, first_ns, last_ns, course = list[float](), 0, 0, Course()
     with LiveLine() as line:
         for message in opened.inputs():

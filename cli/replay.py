@@ -1,11 +1,14 @@
 """`gaiteyes replay`: a recording, or a folder in the ASL layout, through the same pipeline as live."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cli.options import JsonFile
+
+if TYPE_CHECKING:
+    from cli.imu_table import ImuTable
 
 
 def replay(
@@ -35,7 +38,6 @@ def replay(
     import cv2
 
     from cli.console import RECORDING_CUT, check_writable, floor_table, score_table, show, table, write_json
-    from cli.imu_table import ImuTable
     from cli.overlay.overlay import Overlay
     from cli.overlay.picture_files import open_pictures
     from cli.progress import passing, working
@@ -67,6 +69,8 @@ def replay(
             scene = FoxgloveFile(foxglove, opened, lambda: pipeline.surfaces)
             observers.append(stack.enter_context(closing(scene)))
         if imu is not None:
+            from cli.imu_table import ImuTable  # not before: its SciPy takes as long as all the rest
+
             samples = ImuTable(imu, opened.utc_offset_ns)
             observers.append(stack.enter_context(closing(samples)))
         tell = stack.enter_context(working("replaying"))

@@ -20,6 +20,7 @@ from daemon.pipeline import Pipeline
 from daemon.publish_can import CanPublisher
 from daemon.publish_zenoh import ZenohPublisher
 from daemon.recorder import Recorder, RecordingInfo
+from daemon.recording_file import check_recordable
 from daemon.service import Background, Devices, Service
 from daemon.setpoints import modulator
 from daemon.stamping import Stamper
@@ -58,8 +59,10 @@ def open_recorder(
 
 
 def check_recording(record: Path | None, last_s: float | None, outputs_only: bool) -> None:
-    """Raise UserError where options ask for a part of a recording that is not made."""
-    if record is None and (last_s is not None or outputs_only):
+    """Raise UserError where options ask for a part of a recording that is not made, or where it cannot be made."""
+    if record is not None:
+        check_recordable(record)
+    elif last_s is not None or outputs_only:
         raise UserError("--last and --outputs-only choose a part of what --record FILE records: no file is named")
 
 

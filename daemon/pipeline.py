@@ -86,10 +86,12 @@ class Pipeline:
         learnt: Learnt | None = None,
         attitude: AttitudeSettings | None = None,
         setpoints: Modulator | None = None,
+        *,
+        tells_terrain: bool = True,
     ) -> None:
         """Begin with what the unit has `learnt` in runs before; raises UserError where that is another unit's.
 
-        Without `setpoints` there are none.
+        Without `setpoints` there are none. Who asks for the sensors' errors alone saves the time for the terrain.
         """
         self._calibration_id = calibration.id
         self._foothold = foothold
@@ -108,6 +110,7 @@ class Pipeline:
         self._propagation = GroundPropagation(calibration, self._ground.R_BC)
         self._gait = Gait(calibration, self._ground.R_BC, foothold.side)
         self._setpoints = setpoints
+        self._tells_terrain = tells_terrain
         self._kind = TerrainKind.UNKNOWN
         self._pictures_are_wrong = False  # as far as the ground of the frame before knows
         self._waiting: Frame | None = None
@@ -231,7 +234,8 @@ class Pipeline:
     def _estimate_ground(self, frame: Frame) -> Iterator[Estimate]:
         self._waiting = None
         self._passes_over = self._load is Load.REDUCED and not self._passes_over
-        by_imu = None if self._passes_over else self._attitude.at(frame.header.t_exposure_ns)
+        tells_terrain = self._tells_terrain and not self._passes_over
+        by_imu = self._attitude.at(frame.header.t_exposure_ns) if tells_terrain else None
         matching = None if by_imu is None else self._terrain.begin_matching(frame, by_imu.R_WB)
         follows = not (self._passes_over and self._motion.can_miss(frame.header.t_exposure_ns))
         step = self._motion.add_frame(frame, self._attitude.foretold) if follows else None
@@ -255,7 +259,7 @@ class Pipeline:
             yield self._setpoints.setpoint(ground, foothold, self._kind)
         self._propagate(ground, placed)
         yield self._motion_of(frame.header, placed)
-        if not self._passes_over:
+        if tells_terrain:
             terrain = self._terrain_of(frame, placed, ground, matching)
             self._kind = terrain.kind
             yield self._gait.with_foothold(terrain, steps, ground, path)

@@ -102,6 +102,13 @@ def entries_of(message: Recordable, log_time_ns: int) -> tuple[Entry, ...]:
     return (*images, Entry(_HEADER_CHANNEL, log_time_ns, encode(header)))
 
 
+def check_recordable(path: Path) -> None:
+    """Raise RecordingError now, before long work, where a RecordingFile could not be created; leaves nothing behind."""
+    was_there = path.exists()
+    disk = _disk_with_room(path, RESERVE_BYTES)
+    disk.close() if was_there else disk.remove()
+
+
 class RecordingFile:
     """Creates `path` and writes entries into it in the order of the calls.
 
@@ -113,12 +120,9 @@ class RecordingFile:
     def __init__(
         self, path: Path, info: RecordingInfo, *, outputs_only: bool = False, reserve_bytes: int = RESERVE_BYTES
     ) -> None:
-        self._disk = _Disk(path)
+        self._disk = _disk_with_room(path, reserve_bytes)
         self._reserve_bytes = reserve_bytes
         self._stopped: str | None = None
-        if not self._disk.has_room(reserve_bytes):
-            self._disk.remove()
-            raise RecordingError(f"{path}: cannot record here: less than {_mb(reserve_bytes)} are free on its disk")
         context = self._context = Context()  # kept, because its end closes its channels
         self._writer = open_mcap(
             self._disk,
@@ -262,6 +266,14 @@ class _Disk:
         log.error("%s", self.failed)
         with contextlib.suppress(OSError):  # the disk may be gone altogether
             self._file.truncate(self._sound_end)
+
+
+def _disk_with_room(path: Path, reserve_bytes: int) -> _Disk:
+    disk = _Disk(path)
+    if not disk.has_room(reserve_bytes):
+        disk.remove()
+        raise RecordingError(f"{path}: cannot record here: less than {_mb(reserve_bytes)} are free on its disk")
+    return disk
 
 
 def _mb(count: int) -> str:

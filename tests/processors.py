@@ -2,6 +2,7 @@
 
 OpenBLAS computes with a kernel made for the processor, and each adds in an order of its own; `OPENBLAS_CORETYPE` asks
 for another's. It takes the nearest that it was built with, so what it really took is printed, and nothing runs twice.
+The long ones are left out, unless pytest's arguments ask for them: `-m 'not hidden'`.
 """
 
 import os
@@ -18,6 +19,7 @@ PLACES: Final = (
 )
 """The tests that may depend on the last bits of the processor's arithmetic."""
 
+_QUICK: Final = ("-m", "not hidden and not long")
 _BESIDE: Final = ("--numprocesses", "auto", "--maxprocesses", "4", "--dist", "loadfile")
 
 # Prints the kernels of numpy and scipy, after the work that would end a process on a processor without their
@@ -48,7 +50,7 @@ def main(arguments: list[str]) -> int:
         else:
             print(f"== {asked}: runs as {taken}", flush=True)
             ran.add((taken, threads))
-            tests = [sys.executable, "-m", "pytest", *PLACES, *_BESIDE, *arguments]
+            tests = [sys.executable, "-m", "pytest", *PLACES, *_QUICK, *_BESIDE, *arguments]
             if subprocess.run(tests, env=environment).returncode:
                 failed.append(asked)
     passed = f"passed under {len(ran)} of {len(SETTINGS)} settings"

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from calib.stereo.bundle import LENS_TERMS, Bundle, SeenPair
 from messages import StereoCalibration
 from messages.arrays import BoolArray, FloatArray
+from perception import so3
 from perception.depth.rectify import Rectifier, intrinsics
 
 REGIONS = 3
@@ -131,7 +131,7 @@ def _derivatives(
 def _seen(stereo: StereoCalibration, rectifier: Rectifier, points_L: FloatArray, vector: FloatArray) -> FloatArray:
     """Return disparity and row difference (2, n) that `stereo` makes of points seen by a pair with other parameters."""
     lenses = vector[:LENS_TERMS], vector[LENS_TERMS : 2 * LENS_TERMS]
-    R_RL, p_m = Rotation.from_rotvec(vector[-6:-3]).as_matrix(), vector[-3:]
+    R_RL, p_m = so3.exp(vector[-6:-3]), vector[-3:]
     in_eye = points_L, points_L @ R_RL.T + p_m
     left, right = (_rectified(stereo, rectifier, eye, _projected(in_eye[eye], lenses[eye])) for eye in (0, 1))
     return np.stack((left[:, 0] - right[:, 0], right[:, 1] - left[:, 1]))

@@ -120,7 +120,7 @@ def test_six_commands_lead_to_a_unit_that_is_fit(unit: Unit, monkeypatch: pytest
     }
 
     plugged(driven_imu(unit, laid_on_its_faces, HURRY), GreyCamera())
-    assert run(*imu, "--seconds", "30", "--gravity", str(STANDARD_GRAVITY_MPS2), "--json", "told.json") == 0
+    assert run(*imu, "--seconds", "60", "--gravity", str(STANDARD_GRAVITY_MPS2), "--json", "told.json") == 0
     assert json.loads(Path("told.json").read_bytes())["not_told"] == []
     made = load_calibration(Path("calibration.yaml"))
     assert np.abs(np.array(made.imu.sf_bias_mps2) - unit.chip.sf_bias_mps2).max() < SENSOR_ERRORS_MPS2
