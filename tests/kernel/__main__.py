@@ -18,7 +18,7 @@ LIMIT_S = 3600.0
 _SERVICE = "tests/kernel/test_service.py"
 _FIRST = "tests/kernel/test_first_run.py"
 """In a machine that nothing was plugged into."""
-_REST = sorted(str(file) for file in Path("tests/kernel").glob("test_*.py"))
+_REST = sorted(f"tests/kernel/{file.name}" for file in Path(__file__).parent.glob("test_*.py"))
 SHARES = {
     "devices": " ".join((_FIRST, *(file for file in _REST if file not in (_FIRST, _SERVICE)))),
     "service": _SERVICE,
