@@ -3,15 +3,17 @@
 import dataclasses
 import json
 from pathlib import Path
+from typing import NoReturn
 
 import msgspec
 import pytest
 
 from calib.files import format_calibration, load_calibration, save_calibration
-from cli import devices
+from calib.imu.log import ImuLog
+from cli import calibrate_imu, devices
 from cli.main import app
 from daemon.recorder import Recorder
-from messages import UserError, WearerHeight
+from messages import ImuSample, UserError, WearerHeight
 from sim_rig.camera.depth_unit import draw_depth_unit
 from sim_rig.unit import draw_unit
 from sim_rig.walk.legs import Stand, Walk
@@ -19,7 +21,7 @@ from sim_rig.walk.scenario import Scenario
 from sim_rig.walk.world import WorldBuilder
 from sim_rig.wearer import SimulatedWearer
 from tests.bench.quiet_devices import GreyCamera, QuietImu
-from tests.bench.recorded import INFO
+from tests.bench.recorded import INFO, imu
 from tests.bench.zed_conf_file import conf, sections
 
 
@@ -146,6 +148,46 @@ def test_on_devices_that_show_nothing_the_file_stays_and_the_devices_are_closed(
     assert load_calibration(file) == known
     assert imu.closed
     assert camera.closed
+
+
+class _Given:
+    """An IMU that gives its samples half a second at a time, at once, and then falls silent."""
+
+    def __init__(self, seconds: float) -> None:
+        self._left = [imu(k, 10_000_000 * k) for k in range(round(100 * seconds) + 1)]
+
+    def open(self) -> None:
+        """Do nothing: it is there."""
+
+    def read(self, timeout_s: float) -> list[ImuSample]:
+        del timeout_s
+        given, self._left = self._left[:50], self._left[50:]
+        return given
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+@pytest.mark.parametrize(("there_s", "measured_s"), [(60.0, 30.0), (20.0, 20.0)])
+def test_an_imu_is_measured_for_so_many_of_its_own_seconds_or_until_it_is_silent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there_s: float, measured_s: float
+) -> None:
+    """On a busy host, whose clock runs on, nothing less is measured."""
+    config = tmp_path / "gaiteyes.toml"
+    config.write_text("device = 'bench'\n", encoding="utf-8")
+    logs = list[ImuLog]()
+    monkeypatch.setattr(devices, "build_imu", lambda _settings: _Given(there_s))
+    monkeypatch.setattr(calibrate_imu, "_SILENT_S", 0.05)
+
+    def kept(found: list[ImuLog], *_: object, **__: object) -> NoReturn:
+        logs.extend(found)
+        raise UserError("enough")
+
+    monkeypatch.setattr("calib.imu.fit.fit_imu", kept)
+    with pytest.raises(UserError, match="enough"):
+        app(["calibrate", "imu", "--config", str(config), "--seconds", "30"], standalone_mode=False)
+    (log,) = logs
+    assert log.t_s[-1] - log.t_s[0] == pytest.approx(measured_s, abs=0.5)
 
 
 def test_a_missing_recording_or_device_is_one_line(tmp_path: Path) -> None:

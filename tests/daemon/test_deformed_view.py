@@ -107,15 +107,22 @@ def test_what_covers_blurs_or_turns_the_view_leaves_no_plane_of_chance(name: str
     assert wrong(at_edge, wearer) <= (1 if name == "blur-9" else 0)
 
 
+@pytest.fixture(scope="module")
+def level_walk() -> OfflineWalk:
+    return OfflineWalk(24, "level", 8.0)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "size", "reason"),
     [("toed", "0.8", "eyes_misaligned"), ("rolled", "0.8", "eyes_misaligned"), ("bent", "2", "view_deformed")],
 )
-def test_an_eye_that_stands_askew_or_behind_a_bent_window_spoils_no_attitude(kind: str, size: str, reason: str) -> None:
+def test_an_eye_that_stands_askew_or_behind_a_bent_window_spoils_no_attitude(
+    level_walk: OfflineWalk, kind: str, size: str, reason: str
+) -> None:
     """What such eyes see of a walk is a turn and a ground that moves: believed, it spoils the vertical by 5°."""
-    walk, chance = OfflineWalk(24, "level", 8.0), np.random.default_rng([24, 18])
-    change, _ = deformed_view.drawn(kind, size, chance, walk.wearer.unit.stereo)
+    walk = level_walk
+    change, _ = deformed_view.drawn(kind, size, np.random.default_rng([24, 18]), walk.wearer.unit.stereo)
     pipeline, judged = walk.new_pipeline(), Judged()
     for message in struck(walk.inputs, [Strike(pictures(change), START_NS, FOR_EVER_NS)]):
         for told in pipeline.step(message):
@@ -130,11 +137,18 @@ def test_an_eye_that_stands_askew_or_behind_a_bent_window_spoils_no_attitude(kin
     assert judged.wrong == 0
 
 
+@pytest.fixture(scope="module")
+def another_level_walk() -> OfflineWalk:
+    return OfflineWalk(3, "level", 8.0)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("size", ["1", "2"])
-def test_a_window_that_stretches_the_view_along_the_rows_is_told_from_the_start(size: str) -> None:
+def test_a_window_that_stretches_the_view_along_the_rows_is_told_from_the_start(
+    another_level_walk: OfflineWalk, size: str
+) -> None:
     """Nothing that two eyes see contradicts it, and it stays: only how the ground moves does."""
-    walk = OfflineWalk(3, "level", 8.0)
+    walk = another_level_walk
     change, _ = deformed_view.drawn("stretched", size, np.random.default_rng(3), walk.wearer.unit.stereo)
     pipeline, grounds = walk.new_pipeline(), list[GroundPlane]()
     for message in struck(walk.inputs, [Strike(pictures(change), START_NS, FOR_EVER_NS)]):

@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from daemon.recorder import Recorder, RecordingError
-from daemon.recording_file import entries_of, viewer_schema
+from daemon.recording_file import check_recordable, entries_of, viewer_schema
 from daemon.recording_ring import RecordingRing
 from drivers.camera.frame_pool import FramePool
 from drivers.protocols import DeviceError
@@ -155,6 +155,26 @@ def test_a_place_that_cannot_be_written_gets_one_line(
 ) -> None:
     with pytest.raises(RecordingError, match=f"{line}$"):
         Recorder(tmp_path / name, INFO)
+
+
+@pytest.mark.parametrize("name", ["absent/x.mcap", ".", "kept.mcap"])
+def test_what_cannot_be_recorded_is_told_beforehand_in_the_same_words(tmp_path: Path, name: str) -> None:
+    (tmp_path / "kept.mcap").write_text("precious")
+    told = []
+    for begin in (check_recordable, lambda path: Recorder(path, INFO)):
+        with pytest.raises(RecordingError) as raised:
+            begin(tmp_path / name)
+        told.append(str(raised.value))
+    assert told[0] == told[1]
+    assert (tmp_path / "kept.mcap").read_text() == "precious"
+
+
+def test_asking_beforehand_leaves_all_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "made.mcap").touch()
+    for path in (tmp_path / "made.mcap", tmp_path / "new.mcap", Path("/dev/null")):
+        there = path.exists()
+        check_recordable(path)
+        assert path.exists() is there
 
 
 def test_a_ring_of_no_length_gets_one_line(tmp_path: Path) -> None:

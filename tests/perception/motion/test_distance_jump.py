@@ -6,13 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.pipeline import Pipeline
 from lab.faults import deformed_view, image_changes
 from lab.faults.criteria import errors_of
 from lab.faults.faulty_camera import ImageChange
-from messages import GroundPlane, Reason, Status, StereoFrame
+from lab.faults.offline import START_NS, OfflineWalk, Strike, pictures, struck
+from messages import GroundPlane, Reason, Status
 from messages.arrays import Float32Array, FloatArray
-from perception.ground.foothold import FootholdSettings
 from perception.motion.distance_jump import DistanceJumps
 from perception.motion.stereo_points import StereoPoints
 from perception.motion.watch import MotionWatch
@@ -20,7 +19,6 @@ from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
 
 SIZE_PX = np.array([320.0, 180.0])
-START_NS = 10_000_000_000
 
 
 def corners(count: int = 120) -> Float32Array:
@@ -103,6 +101,11 @@ def test_a_jump_is_one_that_four_of_five_corners_share(wrong: int, *, jumped: bo
     assert jumps.contradict is jumped
 
 
+@pytest.fixture(scope="module")
+def over_ramps() -> OfflineWalk:
+    return OfflineWalk(1, "ramps", 10.0)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     "change",
@@ -114,24 +117,18 @@ def test_a_jump_is_one_that_four_of_five_corners_share(wrong: int, *, jumped: bo
     ids=["outwards", "inwards", "stretched"],
 )
 def test_an_eye_that_slips_along_the_rows_in_mid_walk_is_flagged_at_once_and_misleads_nobody(
+    over_ramps: OfflineWalk,
     change: ImageChange,
 ) -> None:
     """Before jumps were looked for the filter followed the wrong distances: attitude and ground off by 5°, valid."""
-    wearer, slip_ns, back_ns = (
-        SimulatedWearer(1, scenario("ramps"), START_NS),
-        START_NS + 4 * 10**9,
-        START_NS + 7 * 10**9,
-    )
-    pipeline, grounds = Pipeline(wearer.calibration, FootholdSettings()), list[GroundPlane]()
-    for message in wearer.offline_inputs(10.0):
-        if isinstance(message, StereoFrame) and slip_ns <= message.header.t_exposure_ns < back_ns:
-            left, right = change((message.left, message.right))
-            message = msgspec.structs.replace(message, left=left, right=right)
+    walk, slip_ns, back_ns = over_ramps, START_NS + 4 * 10**9, START_NS + 7 * 10**9
+    pipeline, grounds = walk.new_pipeline(), list[GroundPlane]()
+    for message in struck(walk.inputs, [Strike(pictures(change), slip_ns, back_ns)]):
         grounds += [told for told in pipeline.step(message) if isinstance(told, GroundPlane)]
     slipped = [ground for ground in grounds if slip_ns <= ground.t_exposure_ns < back_ns]
     assert {ground.reason for ground in slipped} == {Reason.DISTANCES_WRONG}
     valid = [ground for ground in grounds if ground.status is Status.VALID]
-    assert not any(errors_of(ground, wearer.truth_of(ground)).wrong for ground in valid)
+    assert not any(errors_of(ground, walk.wearer.truth_of(ground)).wrong for ground in valid)
     recovered_ns = next(ground.t_exposure_ns for ground in valid if ground.t_exposure_ns > back_ns)
     assert recovered_ns < back_ns + 2_500_000_000
 
@@ -169,7 +166,7 @@ def test_distances_are_compared_only_while_the_rows_of_the_eyes_agree() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "seed"), [("stairs", 11), ("trolley", 11), ("level", 12)])
 def test_no_walk_of_sound_eyes_jumps(name: str, seed: int) -> None:
-    wearer = SimulatedWearer(seed, scenario(name), START_NS)
-    pipeline = Pipeline(wearer.calibration, FootholdSettings())
-    told = [each for message in wearer.offline_inputs(8.0) for each in pipeline.step(message)]
+    walk = OfflineWalk(seed, name, 8.0)
+    pipeline = walk.new_pipeline()
+    told = [each for message in walk.inputs for each in pipeline.step(message)]
     assert not any(isinstance(each, GroundPlane) and each.reason is Reason.DISTANCES_WRONG for each in told)
