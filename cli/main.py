@@ -1,6 +1,7 @@
 """The `gaiteyes` command. Wiring only: every command imports what it needs when it is called, so --help is fast."""
 
 import logging
+import os
 import sys
 from typing import Annotated
 
@@ -56,10 +57,17 @@ def gaiteyes(
     """Eyes for a powered ankle prosthesis: slope and height of the ground at the next foothold."""
 
 
+_THREADS_OF_ALGEBRA = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""One each, where the caller asks for no more: on matrices as small as these a second one mostly waits, which costs a
+processor and makes nothing quicker. Read when numpy is loaded, and by processes that a command starts."""
+
+
 def main() -> None:
     """Run the command line; a user's mistake is one line on stderr and exit code 2, a failed service exit code 1."""
     from cli.logs import configure_logs
 
+    for name in _THREADS_OF_ALGEBRA:
+        os.environ.setdefault(name, "1")
     configure_logs()
     try:
         code = app(standalone_mode=False)

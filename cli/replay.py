@@ -56,7 +56,7 @@ def replay(
     cv2.setNumThreads(1)
     opened = open_source(source, None if config is None else load_configuration(config))
     foothold = opened.configuration.foothold
-    samples: ImuTable | None = None
+    samples = None if imu is None else _imu_table(imu, opened.utc_offset_ns)
     setpoints = modulator_of_recording(opened.configuration.setpoint)
     pipeline = Pipeline(opened.calibration, foothold, opened.learnt, setpoints=setpoints)
     with ExitStack() as stack:
@@ -68,10 +68,7 @@ def replay(
         if foxglove is not None:
             scene = FoxgloveFile(foxglove, opened, lambda: pipeline.surfaces)
             observers.append(stack.enter_context(closing(scene)))
-        if imu is not None:
-            from cli.imu_table import ImuTable  # not before: its SciPy takes as long as all the rest
-
-            samples = ImuTable(imu, opened.utc_offset_ns)
+        if samples is not None:
             observers.append(stack.enter_context(closing(samples)))
         tell = stack.enter_context(working("replaying"))
         replayed = replaying.replay(passing(opened.inputs(), tell, "replaying: inputs"), pipeline, out, observers)
@@ -111,3 +108,9 @@ def replay(
         write_json(json, facts)
     if damage is not None:
         raise typer.Exit(RECORDING_CUT)
+
+
+def _imu_table(folder: Path, utc_offset_ns: int | None) -> "ImuTable":
+    from cli.imu_table import ImuTable  # not before: its SciPy takes as long as all the rest
+
+    return ImuTable(folder, utc_offset_ns)

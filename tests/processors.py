@@ -22,6 +22,10 @@ PLACES: Final = (
 _QUICK: Final = ("-m", "not hidden and not long")
 _BESIDE: Final = ("--numprocesses", "auto", "--maxprocesses", "4", "--dist", "loadfile")
 
+_AT_REST: Final = {"OPENBLAS_THREAD_TIMEOUT": "4"}
+"""A thread without work waits for 2⁴ cycles and then sleeps: those of two processes on two processors else take twice
+the time, waiting."""
+
 # Prints the kernels of numpy and scipy, after the work that would end a process on a processor without their
 # instructions.
 _PROBE: Final = """
@@ -38,7 +42,7 @@ def main(arguments: list[str]) -> int:
     failed = []
     for kernel, threads in SETTINGS:
         asked = f"{kernel}, {threads} thread{'s' if threads > 1 else ''}"
-        environment = os.environ | {"OPENBLAS_CORETYPE": kernel, "OPENBLAS_NUM_THREADS": str(threads)}
+        environment = os.environ | _AT_REST | {"OPENBLAS_CORETYPE": kernel, "OPENBLAS_NUM_THREADS": str(threads)}
         probe = subprocess.run([sys.executable, "-c", _PROBE], env=environment, stdout=subprocess.PIPE, text=True)
         taken = probe.stdout.strip() or "no OpenBLAS"
         if probe.returncode < 0:

@@ -4,7 +4,6 @@ The command sees two folders of nameless recordings and nothing else; the truth 
 """
 
 import math
-import os
 import resource
 import subprocess
 import sys
@@ -21,7 +20,6 @@ from lab.hidden.case import Case, Kind
 
 _HOME = Path(__file__).parents[2]
 _LONGEST_S = 600.0  # after which a command counts as failed
-_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 def judged(slot: Slot, case: Case) -> Result:
@@ -73,12 +71,9 @@ def _cpu_s() -> float:
 
 def _run(arguments: list[str]) -> str:
     """Run the command line; return nothing, or the last line of what it complained of."""
-    environment = os.environ | _ONE_THREAD
     command = [sys.executable, "-m", "cli.main", *arguments]
     try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=_LONGEST_S, cwd=_HOME, env=environment, check=False
-        )
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_LONGEST_S, cwd=_HOME, check=False)
     except subprocess.TimeoutExpired:
         return f"took longer than {_LONGEST_S:g} s"
     return (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1] if done.returncode else ""

@@ -51,6 +51,16 @@ def test_help_loads_nothing_that_it_does_not_print() -> None:
     assert done.stderr.strip() == ""
 
 
+@pytest.mark.parametrize(("asked", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2")])
+def test_linear_algebra_takes_one_thread_unless_the_caller_says_otherwise(asked: dict[str, str], threads: str) -> None:
+    shown = "import os, numpy; print(os.environ['OPENBLAS_NUM_THREADS'], file=sys.stderr)"
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")} | asked
+    done = subprocess.run(
+        [sys.executable, "-c", _LOADED.format(shown)], cwd=HOME, env=environment, capture_output=True, text=True
+    )
+    assert done.stderr.strip() == threads
+
+
 def test_the_version_is_the_projects(capsys: pytest.CaptureFixture[str]) -> None:
     assert "version" in tomli.loads((HOME / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dynamic"]
     app(["--version"], standalone_mode=False)
