@@ -210,6 +210,19 @@ def test_the_same_inputs_give_the_same_bytes(
     assert lines(run(pipeline(wearer), inputs)) == lines(undisturbed)
 
 
+def test_without_terrain_the_attitude_and_its_errors_are_the_same(
+    wearer: SimulatedWearer, inputs: list[Input], undisturbed: list[Estimate]
+) -> None:
+    bare, whole = Pipeline(wearer.calibration, FootholdSettings(), tells_terrain=False), pipeline(wearer)
+    told = run(bare, inputs)
+    assert not any(isinstance(each, Terrain) for each in told)
+    assert any(isinstance(each, Terrain) for each in undisturbed)
+    bare_attitudes, attitudes = ([e for e in each if isinstance(e, Attitude)] for each in (told, undisturbed))
+    assert lines(list(bare_attitudes)) == lines(list(attitudes))
+    run(whole, inputs)
+    assert bare.learnt == whole.learnt
+
+
 def test_the_bytes_are_the_same_where_another_thread_matches_the_path(
     wearer: SimulatedWearer, inputs: list[Input], undisturbed: list[Estimate]
 ) -> None:
