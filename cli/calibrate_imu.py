@@ -145,12 +145,14 @@ def _logs(
 def _measured(config: Path, seconds: float, line: Callable[["ImuLog"], str]) -> list["ImuSample"]:
     """Return the samples of the device that the configuration names, telling once a second how far it is.
 
-    `seconds` count on the samples' own clock, so that a busy host measures no less; a device that falls silent ends it.
+    `seconds` count on the samples' own clock, so that a busy host measures no less. A device that falls silent ends it,
+    which is told.
     """
     import time
 
     from calib.imu.log import log_of_samples
     from cli import devices
+    from cli.console import console
     from cli.progress import LiveLine
     from daemon.config import load_configuration
 
@@ -160,23 +162,26 @@ def _measured(config: Path, seconds: float, line: Callable[["ImuLog"], str]) -> 
     samples = list["ImuSample"]()
     try:
         with LiveLine() as shown:
-            heard_s = told_s = time.monotonic()
-            measured_s = 0.0
-            while measured_s < seconds and (now_s := time.monotonic()) - heard_s < _SILENT_S:
-                new = device.read(timeout_s=0.1)
-                if new:
-                    samples += new
-                    heard_s, measured_s = now_s, 1e-9 * (samples[-1].t_sample_ns - samples[0].t_sample_ns)
-                if now_s - told_s >= 1.0 and len(samples) > 200:
+            told_s, measured_s, empty_reads = time.monotonic(), 0.0, 0
+            while measured_s < seconds and empty_reads < _SILENT_READS:
+                new = device.read(timeout_s=_READ_S)
+                samples += new
+                empty_reads = 0 if new else empty_reads + 1
+                if samples:
+                    measured_s = 1e-9 * (samples[-1].t_sample_ns - samples[0].t_sample_ns)
+                if (now_s := time.monotonic()) - told_s >= 1.0 and len(samples) > 200:
                     told_s = now_s
                     shown.tell(f"{measured_s:5.0f} s  " + line(log_of_samples(samples, str(config))))
     finally:
         device.close()
+    if measured_s < seconds:
+        console.print(f"{config}: the IMU fell silent after {measured_s:.0f} of {seconds:.0f} s", soft_wrap=True)
     return samples
 
 
-_SILENT_S = 5.0
-"""A device that gives no sample for so long gives none any more."""
+_READ_S = 0.1
+_SILENT_READS = 50
+"""Reads in a row without a sample, after which none is awaited any more. Not a time: a host may be held up."""
 
 
 def _pose_line(log: "ImuLog", gravity_mps2: float | None) -> str:

@@ -58,7 +58,7 @@ def gaiteyes(
 
 
 _THREADS_OF_ALGEBRA = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""One each, where the caller asks for no more: on matrices as small as these a second one mostly waits, which costs a
+"""Set to 1 where the caller has not set them: on matrices as small as these a second thread mostly waits, which takes a
 processor and makes nothing quicker. Read when numpy is loaded, and by processes that a command starts."""
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from calib.files import format_calibration, load_calibration, save_calibration
 from calib.imu.log import ImuLog
-from cli import calibrate_imu, devices
+from cli import devices
 from cli.main import app
 from daemon.recorder import Recorder
 from messages import ImuSample, UserError, WearerHeight
@@ -170,14 +170,17 @@ class _Given:
 
 @pytest.mark.parametrize(("there_s", "measured_s"), [(60.0, 30.0), (20.0, 20.0)])
 def test_an_imu_is_measured_for_so_many_of_its_own_seconds_or_until_it_is_silent(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there_s: float, measured_s: float
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    there_s: float,
+    measured_s: float,
 ) -> None:
     """On a busy host, whose clock runs on, nothing less is measured."""
     config = tmp_path / "gaiteyes.toml"
     config.write_text("device = 'bench'\n", encoding="utf-8")
     logs = list[ImuLog]()
     monkeypatch.setattr(devices, "build_imu", lambda _settings: _Given(there_s))
-    monkeypatch.setattr(calibrate_imu, "_SILENT_S", 0.05)
 
     def kept(found: list[ImuLog], *_: object, **__: object) -> NoReturn:
         logs.extend(found)
@@ -188,6 +191,7 @@ def test_an_imu_is_measured_for_so_many_of_its_own_seconds_or_until_it_is_silent
         app(["calibrate", "imu", "--config", str(config), "--seconds", "30"], standalone_mode=False)
     (log,) = logs
     assert log.t_s[-1] - log.t_s[0] == pytest.approx(measured_s, abs=0.5)
+    assert ("the IMU fell silent after 20 of 30 s" in capsys.readouterr().out) is (measured_s < 30.0)
 
 
 def test_a_missing_recording_or_device_is_one_line(tmp_path: Path) -> None:

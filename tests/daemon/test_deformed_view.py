@@ -108,7 +108,7 @@ def test_what_covers_blurs_or_turns_the_view_leaves_no_plane_of_chance(name: str
 
 
 @pytest.fixture(scope="module")
-def level_walk() -> OfflineWalk:
+def walk_of_unit_24() -> OfflineWalk:
     return OfflineWalk(24, "level", 8.0)
 
 
@@ -118,11 +118,11 @@ def level_walk() -> OfflineWalk:
     [("toed", "0.8", "eyes_misaligned"), ("rolled", "0.8", "eyes_misaligned"), ("bent", "2", "view_deformed")],
 )
 def test_an_eye_that_stands_askew_or_behind_a_bent_window_spoils_no_attitude(
-    level_walk: OfflineWalk, kind: str, size: str, reason: str
+    walk_of_unit_24: OfflineWalk, kind: str, size: str, reason: str
 ) -> None:
     """What such eyes see of a walk is a turn and a ground that moves: believed, it spoils the vertical by 5°."""
-    walk = level_walk
-    change, _ = deformed_view.drawn(kind, size, np.random.default_rng([24, 18]), walk.wearer.unit.stereo)
+    walk, chance = walk_of_unit_24, np.random.default_rng([24, 18])
+    change, _ = deformed_view.drawn(kind, size, chance, walk.wearer.unit.stereo)
     pipeline, judged = walk.new_pipeline(), Judged()
     for message in struck(walk.inputs, [Strike(pictures(change), START_NS, FOR_EVER_NS)]):
         for told in pipeline.step(message):
@@ -138,17 +138,17 @@ def test_an_eye_that_stands_askew_or_behind_a_bent_window_spoils_no_attitude(
 
 
 @pytest.fixture(scope="module")
-def another_level_walk() -> OfflineWalk:
+def walk_of_unit_3() -> OfflineWalk:
     return OfflineWalk(3, "level", 8.0)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("size", ["1", "2"])
 def test_a_window_that_stretches_the_view_along_the_rows_is_told_from_the_start(
-    another_level_walk: OfflineWalk, size: str
+    walk_of_unit_3: OfflineWalk, size: str
 ) -> None:
     """Nothing that two eyes see contradicts it, and it stays: only how the ground moves does."""
-    walk = another_level_walk
+    walk = walk_of_unit_3
     change, _ = deformed_view.drawn("stretched", size, np.random.default_rng(3), walk.wearer.unit.stereo)
     pipeline, grounds = walk.new_pipeline(), list[GroundPlane]()
     for message in struck(walk.inputs, [Strike(pictures(change), START_NS, FOR_EVER_NS)]):
