@@ -10,11 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from discrepancy.values import Neutral, predicted
-from lab.hidden.imu import EFFECTS
+from lab.hidden.case import Case, Kind
+from lab.hidden.imu import EFFECTS, write
 from lab.hidden.imu.motion import Motion, hand_moved, swung
 from lab.hidden.imu.planted import EFFECTS as PLANTED
 from lab.hidden.imu.planted import Recorded, drawn
 from lab.hidden.imu.sensor import Unit, readings
+from messages.constants import STANDARD_GRAVITY_MPS2
 from messages.errors import UserError
 from systems.imu import load
 from systems.imu.chain import Chain
@@ -243,6 +245,11 @@ def test_a_wrong_frame_unit_or_overlap_is_refused(tmp_path: Path) -> None:
         wrong.save(tmp_path)
         with pytest.raises(UserError, match=message):
             load(tmp_path)
+
+
+def test_a_mount_that_rings_at_several_g_is_no_wrong_unit(tmp_path: Path) -> None:
+    write(Case("imu", 3802895847520880200, Kind.PAIR, ("vibration", "gyro_scale")), tmp_path, tmp_path / "held_out")
+    assert np.median(np.linalg.norm(ImuRecording.load(tmp_path).sf_mps2, axis=1)) > 2.0 * STANDARD_GRAVITY_MPS2
 
 
 def test_a_recording_reads_back(tmp_path: Path) -> None:
