@@ -210,6 +210,31 @@ def test_every_pixel_is_as_light_as_the_shades_leave_the_point_its_ray_meets(mon
     assert min(count for light, count in seen.items() if light in (1.0, 0.5, 0.6)) > 20
 
 
+@pytest.mark.parametrize("askew_rad", [0.0, 0.4])
+def test_a_shadow_in_a_column_is_as_long_as_its_rays_tell_to_a_tenth_of_a_pixel(
+    monkeypatch: pytest.MonkeyPatch, askew_rad: float
+) -> None:
+    shade = Shade((np.cos(askew_rad), np.sin(askew_rad), 0.0), 0.9, 1.2, 0.4)
+    world = WorldBuilder().level(4.0, "grey").build(shades=(shade,))
+    monkeypatch.setitem(textures.TEXTURES, "grey", lambda: np.full((textures.TILE, textures.TILE), 200.0))
+    unit = dataclasses.replace(draw_unit(3), gain=(1.0, 1.0))
+    gait = Gait(world, STANDING, 0.95, 3, 0)
+    left, _ = render(Renderer(unit, world, gait, 3, GEOMETRY_ONLY))
+    bright, _ = render(Renderer(unit, dataclasses.replace(world, shades=()), gait, 3, GEOMETRY_ONLY))
+    u, v = np.arange(440.0, 840.0, 7.0), np.arange(0.0, HEIGHT_PX)
+    motion = gait.at(np.rint((v - (HEIGHT_PX - 1) / 2) * unit.stereo.row_time_s * 1e9).astype(np.int64))
+    R_WL = motion.R_WB @ np.array(unit.X_BL.R)
+    origin_W = motion.p_WB_m + motion.R_WB @ np.array(unit.X_BL.p_m)
+    rays_W = np.einsum("vij,vuj->vui", R_WL, undistorted_rays(unit.stereo.left, u, v))
+    points_W = origin_W[:, None] - rays_W * (origin_W[:, None, 2:] / rays_W[..., 2:])
+    along_m = points_W @ np.array(shade.normal_W)
+    length_px = [np.ptp(np.interp((-shade.to_m, -shade.from_m), -along, v)) for along in along_m.T]
+    shares = ((1.0 - left / bright) / (1.0 - shade.factor))[:, u.astype(int)]
+    covered = np.where(shares < 0.02, 0.0, np.where(shares > 0.98, 1.0, shares)).sum(axis=0)  # grey values are whole
+    assert min(length_px) > 50.0
+    np.testing.assert_allclose(covered, length_px, atol=0.1)
+
+
 def met(world: World, origin: FloatArray, ray: FloatArray) -> FloatArray:
     """Return the point at which a ray meets the ground first."""
     best = np.inf
