@@ -355,7 +355,7 @@ class Pipeline:
             ground=ground,
             matching=matching,
         )
-        if self._ground.makes_ambiguous(ground, self._terrain.surfaces.surfaces):
+        if self._ground.makes_ambiguous(frame, placed.R_WB, ground, self._terrain.surfaces):
             return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, self._ambiguous_path())
         return terrain
 

@@ -17,7 +17,9 @@ class FrameGuard:
     it may take longer, when the host is busy, but a frame that seems quicker than the quickest so far has a stamp that
     jumped forward. Frames that arrive together had waited, and tell no latency. Nor do refused ones, until
     `relearn_after` of them in a row have been: then the camera's timing is another one for good, and the IMU must tell
-    whether its stamps are right. Frames that are merely late are not judged here, for only the clock tells that.
+    whether its stamps are right. What is too quick for the timing of now, but not for the one before a silence, is as
+    it was then: the silence was of stamps, and no other camera. Frames that are merely late are not judged here, for
+    only the clock tells that.
     """
 
     longest_latency_ns = 2_000_000_000
@@ -29,6 +31,7 @@ class FrameGuard:
 
     def __init__(self) -> None:
         self._least_latency_ns = 0
+        self._before_silence_ns: int | None = None
         self._latencies = 0
         self._refused = 0
         self._arrival_ns: int | None = None
@@ -43,8 +46,14 @@ class FrameGuard:
         return Reason.NONE if timely else Reason.TIME_INCONSISTENT
 
     def reset_timing(self) -> None:
-        """Forget the camera's timing: it fell silent, and whatever comes next may be another device."""
+        """Learn the camera's timing anew: it fell silent, and whatever comes next may be another device."""
+        if self._latencies >= self.least_latencies:
+            self._before_silence_ns = self._least_latency_ns
         self._latencies, self._refused = 0, 0
+
+    @property
+    def _least_ns(self) -> int:
+        return max(0, self._least_latency_ns - self.jump_ns) if self._latencies >= self.least_latencies else 0
 
     def _repeats(self, images: Sequence[Image]) -> bool:
         sampled = [image[:: self.pixel_step, :: self.pixel_step] for image in images]
@@ -60,8 +69,9 @@ class FrameGuard:
         latency_ns = header.t_arrival_ns - header.t_exposure_ns
         together = self._arrival_ns is not None and header.t_arrival_ns - self._arrival_ns < self.together_ns
         self._arrival_ns = header.t_arrival_ns
-        least_ns = max(0, self._least_latency_ns - self.jump_ns) if self._latencies >= self.least_latencies else 0
-        if least_ns <= latency_ns <= self.longest_latency_ns:
+        if self._before_silence_ns is not None and self._before_silence_ns <= latency_ns < self._least_ns:
+            self._least_latency_ns, self._before_silence_ns = self._before_silence_ns, None
+        if self._least_ns <= latency_ns <= self.longest_latency_ns:
             if not together:
                 self._least_latency_ns = min(self._least_latency_ns, latency_ns) if self._latencies else latency_ns
                 self._latencies += 1
@@ -69,5 +79,5 @@ class FrameGuard:
             return True
         self._refused += 1
         if self._refused >= self.relearn_after:
-            self.reset_timing()
+            self._latencies, self._refused = 0, 0
         return False

@@ -62,9 +62,12 @@ class Innovation(NamedTuple):
         """Return how fast the camera turned."""
         return float(np.linalg.norm(self.seen_rad)) / self.duration_s
 
-    def turn_alone(self) -> "Innovation":
-        """Return what is left where distances are wrong: neither the travel counts nor many small turns together."""
-        return self._replace(missing_rad=np.zeros(3), travel_squares=0.0, explained=False)
+    def turn_alone(self, doubtful_radps: float) -> "Innovation":
+        """Return what is left where distances are wrong, and turns by a rate of `doubtful_radps`: the travel does not
+        count, and of turns only what is more than that."""
+        missing = float(np.linalg.norm(self.missing_rad))
+        more = max(0.0, 1.0 - doubtful_radps * self.duration_s / missing) if missing > 0.0 else 0.0
+        return self._replace(missing_rad=more * self.missing_rad, travel_squares=0.0, explained=False)
 
 
 class Advice(enum.Enum):

@@ -30,6 +30,10 @@ from perception.attitude.history import AttitudeAt
 from perception.attitude.kalman import AttitudeKalman, fuse
 from perception.attitude.state import AttitudeState, CameraStepSettings
 
+DOUBTFUL_RADPS = 0.05
+"""Of a turn that rests on wrong distances: where eyes have slipped, or stand askew, it was off by 0.02 rad/s on tuning
+walks, a pair of different instants left out."""
+
 
 @dataclass(frozen=True)
 class CameraStep:
@@ -51,8 +55,8 @@ class CameraStep:
         return 1e-9 * (self.t_after_ns - self.t_before_ns)
 
     def turn_alone(self) -> "CameraStep":
-        """Return what is left of the step where distances are wrong: a turn at a rate off by `_DOUBTFUL_RADPS`."""
-        turn_var = (_DOUBTFUL_RADPS * self.duration_s) ** 2
+        """Return what is left of the step where distances are wrong: a turn at a rate off by `DOUBTFUL_RADPS`."""
+        turn_var = (DOUBTFUL_RADPS * self.duration_s) ** 2
         doubtful = np.diag((turn_var, turn_var, turn_var, _NOTHING_M2, _NOTHING_M2, _NOTHING_M2))
         return replace(self, covariance=self.covariance + doubtful)
 
@@ -189,6 +193,5 @@ _CONSTANT_H = np.zeros((6, SIZE))
 _CONSTANT_H[:3, ROTATION] = _CONSTANT_H[3:, TRAVEL] = np.eye(3)
 _CONSTANT_H[:3, BEGINNING] = -np.eye(3)
 """What of H of (6) is the same in every step."""
-_DOUBTFUL_RADPS, _NOTHING_M2 = 0.05, 1e4
-"""Where eyes have slipped, or stand askew, it was off by 0.02 rad/s on tuning walks, a pair of different instants left
-out; and a variance of the travel that says nothing."""
+_NOTHING_M2 = 1e4
+"""A variance of the travel that says nothing."""

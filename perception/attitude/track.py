@@ -20,7 +20,7 @@ from messages import (
 from messages.arrays import FloatArray
 from perception import so3
 from perception.attitude.agreement import Advice, Agreement, Innovation
-from perception.attitude.camera_step import CameraStep
+from perception.attitude.camera_step import DOUBTFUL_RADPS, CameraStep
 from perception.attitude.causes import doubt_distances
 from perception.attitude.confirmation import Confirmation
 from perception.attitude.filter import AttitudeFilter, AttitudeSettings, AttitudeState
@@ -175,16 +175,17 @@ class AttitudeTrack:
 
         The first one, and one that does not begin where the last ended or soon after, only says from when on. What the
         IMU gave while it contradicted the camera is discarded as in `roll_back`. Once none has been used for long,
-        steps have to confirm each other first; one that is not `sound`, as pictures or clock are known to be wrong,
-        confirms nothing.
+        steps have to confirm each other first, and may only contradict the gyroscope until they have; one that is not
+        `sound`, as pictures or clock are known to be wrong, confirms nothing.
         """
         if self._newest_ns is None or step.t_after_ns > self._newest_ns:
             return
         pending = self._confirmation.is_pending(step.t_after_ns)
-        if self._filter.has_begun and (self._agreement.contradicted or not pending):
+        if pending and not self._agreement.contradicted:
+            self._compare_turn(step, self._newest_ns)
+        elif self._filter.has_begun:
             believed = not (pending or self._agreement.turn_contradicts)
-            innovation = self._take(step, self._newest_ns, sound=sound, believed=believed)
-            self._judge(innovation)
+            self._judge(self._take(step, self._newest_ns, sound=sound, believed=believed))
         if sound and (self._agreement.turn_is_off or pending):
             self._try(step, self._newest_ns)
         else:
@@ -194,10 +195,13 @@ class AttitudeTrack:
         """Let a step that rests on wrong distances say whether its turn contradicts the gyroscope; it corrects
         nothing."""
         self._trial = None
-        if self._newest_ns is None or step.t_after_ns > self._newest_ns or not self._filter.has_begun:
-            return
-        innovation = self._take(step.turn_alone(), self._newest_ns, sound=False, believed=False)
-        self._judge(None if innovation is None else innovation.turn_alone())
+        if self._newest_ns is not None and step.t_after_ns <= self._newest_ns:
+            self._compare_turn(step, self._newest_ns)
+
+    def _compare_turn(self, step: CameraStep, newest_ns: int) -> None:
+        if self._filter.has_begun:
+            innovation = self._take(step.turn_alone(), newest_ns, sound=False, believed=False)
+            self._judge(None if innovation is None else innovation.turn_alone(DOUBTFUL_RADPS))
 
     def _judge(self, innovation: Innovation | None) -> None:
         """Go back to an earlier state where what steps say, the last of them this, contradicts the newest."""

@@ -11,6 +11,7 @@ laid picture also repeats itself by k, that is the floor's doing, and not a seco
 fits far better, the one found cannot be trusted either way.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple, cast
 
@@ -33,7 +34,8 @@ class Rival(NamedTuple):
 
 
 class Repeats(NamedTuple):
-    """What the pair says of a plane and of those that a repeating floor puts beside it; `misfit` is the plane's own."""
+    """What the pair says of a plane and of those that a repeating floor puts beside it; `misfit` is the plane's own,
+    NaN where it could not be asked."""
 
     misfit: float
     rivals: tuple[Rival, ...]
@@ -41,6 +43,11 @@ class Repeats(NamedTuple):
     def misfit_near(self, ratio: float) -> float:
         """Return the misfit of the plane, this one among them, whose ratio is nearest to `ratio`."""
         return min((self._itself, *self.rivals), key=lambda rival: abs(rival.ratio - ratio)).misfit
+
+    @property
+    def best_misfit(self) -> float:
+        """Return the least misfit, of the plane and its rivals."""
+        return min((self._itself, *self.rivals), key=lambda rival: rival.misfit).misfit
 
     def of_the_floor(self) -> "Repeats":
         """Return the same without what may be the plane of a second surface."""
@@ -60,7 +67,7 @@ class Repeats(NamedTuple):
         return Rival(1.0, self.misfit)
 
 
-NO_REPEATS = Repeats(0.0, ())
+NO_REPEATS = Repeats(math.nan, ())
 
 
 class _LaidPair(NamedTuple):
@@ -97,7 +104,8 @@ def _laid_pair(
     u = rectifier.f_px * points_C[:, 0] / points_C[:, 2] + rectifier.cx_px
     v = rectifier.f_px * points_C[:, 1] / points_C[:, 2] + rectifier.cy_px
     window = Window(max(0, int(v.min())), min(rectifier.height_px, int(v.max()) + 1), 0, rectifier.width_px)
-    rows = np.arange(window.top, window.bottom, _EVERY_ROW, dtype=np.float64)[:, None]
+    every = max(1, min(_EVERY_ROW, (window.bottom - window.top) // _LEAST_ROWS))
+    rows = np.arange(window.top, window.bottom, every, dtype=np.float64)[:, None]
     if len(rows) < _LEAST_ROWS:
         return None
 
@@ -120,7 +128,7 @@ def _laid_pair(
     if len(seen) == 0 or seen[0] > _SHIFTS or seen[-1] < _SHIFTS + 2 * half:
         return None
     left, right = cast("tuple[GreyImage, GreyImage]", images)
-    left_rows, right_rows = rectifier.rectify(left, right, window, 0, every=_EVERY_ROW)
+    left_rows, right_rows = rectifier.rectify(left, right, window, 0, every=every)
     return _LaidPair(_laid(left_rows, left_px), _laid(right_rows, right_px[:, seen]), _SHIFTS - int(seen[0]))
 
 
@@ -168,6 +176,7 @@ _EPSILON = 0.0125
 _SHIFTS = 48
 """To either side: planes of 0.4 to 1.6 times the disparities."""
 _EVERY_ROW = 4
+"""More where that leaves fewer than the least."""
 _LEAST_ROWS = 8
 _LEAST_HALF = 40
 """Steps: half the width, 6 cm at a baseline of 12 cm."""

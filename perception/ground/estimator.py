@@ -1,7 +1,6 @@
 """A frame and the attitude at its mid-exposure to the published estimate of the ground ahead."""
 
 import math
-from collections.abc import Sequence
 from functools import partial
 
 import msgspec
@@ -11,19 +10,27 @@ from messages import Frame, GroundPlane, Reason, Status, StereoFrame, UnitCalibr
 from messages.arrays import FloatArray
 from perception import so3
 from perception.depth.focal_lengths import UNWATCHED, FocalDifference
+from perception.depth.repeats import Repeats
 from perception.ground.aim import Aim, aimed, view_of
 from perception.ground.first_search import FirstSearch
 from perception.ground.foothold import FootholdSettings
 from perception.ground.known_height import HeightDifference, KnownHeight
 from perception.ground.meter import GroundMeasurement, GroundMeter
 from perception.ground.plane import Plane
-from perception.ground.repetition import RepetitionWatch, heights_as_steep
-from perception.ground.surface_change import SurfaceChange, apart_cov, is_other_surface, plane_under
+from perception.ground.repetition import RepetitionWatch, as_steep
+from perception.ground.surface_change import (
+    SurfaceChange,
+    apart_cov,
+    is_other_surface,
+    plane_of,
+    plane_under,
+    region_on,
+)
 from perception.ground.tracking import PlaneTracker, TrackingSettings
 from perception.ground.view_check import ViewCheck
 from perception.heading import heading
 from perception.terrain.path_ahead import PathAhead
-from perception.terrain.surfaces import Surface
+from perception.terrain.surfaces import PathSurfaces, Surface
 
 
 class GroundEstimator:
@@ -59,12 +66,19 @@ class GroundEstimator:
         """Return whether the floor repeats itself so that, but for the track, planes a tile apart match as well."""
         return self._repetition.is_ambiguous(t_ns)
 
-    def makes_ambiguous(self, ground: GroundPlane, surfaces: Sequence[Surface]) -> bool:
-        """Return whether a path with these surfaces may lie a tile off where `ground` does not, if that is valid."""
-        if ground.status is not Status.VALID:
+    def makes_ambiguous(self, frame: Frame, R_WB: FloatArray, ground: GroundPlane, path: PathSurfaces) -> bool:
+        """Return whether a `path` that `frame` shows may lie a tile off where `ground` does not, if that is valid."""
+        R_WC = R_WB @ self.R_BC
+        R_WH = heading(R_WC)
+        if ground.status is not Status.VALID or R_WH is None:
             return False
-        heights_m = heights_as_steep(surfaces, math.tan(ground.slope_sagittal_rad))
-        return self._repetition.makes_ambiguous(ground.t_exposure_ns, ground.height_m, heights_m)
+
+        def ask(surface: Surface) -> Repeats:
+            region, plane = region_on(surface, path.yaw_rad, self._region), plane_of(surface, path.yaw_rad)
+            return self._meter.find_repeats(frame.images, R_WH.T @ R_WC, region, plane)
+
+        alike = as_steep(path.surfaces, math.tan(ground.slope_sagittal_rad))
+        return self._repetition.makes_ambiguous(ground.t_exposure_ns, ground.height_m, alike, ask)
 
     def set_foothold(self, foothold: FootholdSettings) -> None:
         """Measure another region from the next frame on."""

@@ -9,7 +9,7 @@ with h the height found and q the share of its disparities by which a tile moves
 picture tells where one fits clearly better than all others, as it does whenever the rows cross the tiles askew, or
 where the others are out of reach; else the track of earlier frames, which is nearer to the right one than half of δ;
 else nothing does. Beyond the foothold nothing tells the tiles apart: of such a floor there is no path, nor of one whose
-path shows a surface as steep as the ground at another of these heights.
+path shows a surface as steep as the ground at another of these heights, unless the picture tells that surface too.
 """
 
 from collections.abc import Callable, Sequence
@@ -49,12 +49,22 @@ class RepetitionWatch:
         """
         return self._ambiguous and self.repeats(t_ns)
 
-    def makes_ambiguous(self, t_ns: int, height_m: float, heights_m: Sequence[float]) -> bool:
-        """Return whether planes as steep as the ground at `height_m`, seen so far below the camera, may be the same
-        floor a tile off: it repeats itself, and one lies where (1) puts another plane. It is ambiguous then."""
-        if self.repeats(t_ns):
-            self._ambiguous = self._ambiguous or any(self._is_tiles_off(height_m, each) for each in heights_m)
+    def makes_ambiguous(
+        self, t_ns: int, height_m: float, as_steep: Sequence[tuple[Surface, float]], ask: Callable[[Surface], Repeats]
+    ) -> bool:
+        """Return whether surfaces as steep as the ground at `height_m`, each with its own height below the camera, may
+        be the same floor a tile off: it repeats itself, one lies where (1) puts another plane, and the rivals that
+        `ask` tells of it fit nearly as well. It is ambiguous then."""
+        if self.repeats(t_ns) and not self._ambiguous:
+            self._ambiguous = any(
+                self._is_tiles_off(height_m, other_m) and not self._is_itself(ask(surface))
+                for surface, other_m in as_steep
+            )
         return self.is_ambiguous(t_ns)
+
+    def _is_itself(self, found: Repeats) -> bool:
+        """Return whether the picture tells that the plane asked about is one, and no other a tile off."""
+        return found.misfit <= self.most_misfit and found.standing_out() == 1.0
 
     def _is_tiles_off(self, height_m: float, other_m: float) -> bool:
         share = self._spacing_per_m * height_m
@@ -100,7 +110,8 @@ class RepetitionWatch:
         if found.rivals:
             self._spacing_per_m = min(abs(1.0 - rival.ratio) for rival in found.rivals) / fit.plane.height_m  # (1)
         ratio = (_where_ground_may_be(found, fit.plane, region) if expected is None else found).standing_out()
-        self._ambiguous = ratio is None or was_ambiguous
+        if found.best_misfit <= self.most_misfit:  # else it is no plane, and tells nothing of tiles
+            self._ambiguous = ratio is None or was_ambiguous
         if ratio is not None:
             self._to_check = False
             height_m = fit.plane.height_m / ratio
@@ -130,12 +141,12 @@ class RepetitionWatch:
         return height_m * half / (1.0 + half)
 
 
-def heights_as_steep(surfaces: Sequence[Surface], slope: float) -> list[float]:
-    """Return how far below the camera planes of this slope, a tangent, lie that go through the middle of those surfaces
-    that are about as steep; a plane a tile off another is."""
-    as_steep = [each for each in surfaces if abs(each.slope - slope) < _AS_STEEP + _AS_STEEP_SIGMAS * each.slope_sd]
-    heights_m = [slope * each.middle_m - each.height_m for each in as_steep]
-    return [height_m for height_m in heights_m if height_m > 0.0]
+def as_steep(surfaces: Sequence[Surface], slope: float) -> list[tuple[Surface, float]]:
+    """Return those surfaces that are about of this slope, a tangent, as a plane a tile off another is; and how far
+    below the camera a plane of it lies that goes through the middle of each."""
+    alike = [each for each in surfaces if abs(each.slope - slope) < _AS_STEEP + _AS_STEEP_SIGMAS * each.slope_sd]
+    heights_m = [(each, slope * each.middle_m - each.height_m) for each in alike]
+    return [(each, height_m) for each, height_m in heights_m if height_m > 0.0]
 
 
 def _where_ground_may_be(found: Repeats, plane: Plane, region: FootholdRegion) -> Repeats:

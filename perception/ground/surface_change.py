@@ -1,6 +1,7 @@
 """Whether the ground that is measured now is another surface than the one before: the region moves over borders."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from perception.ground.plane import Plane
 from perception.ground.region import FootholdRegion
 from perception.ground.sole import about_middle
 from perception.terrain.path_ahead import PathAhead
+from perception.terrain.surfaces import Surface
 
 
 class SurfaceChange:
@@ -52,7 +54,19 @@ def plane_under(region: FootholdRegion, path: PathAhead) -> tuple[Plane, FloatAr
     at_region = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [region.ahead_m, region.left_m, 1.0]])
     deviations = np.array([_SLOPE_SD + surface.slope_sd, _SLOPE_SD, math.hypot(_HEIGHT_SD_M, surface.sd_at(u_m))])
     cov: FloatArray = at_region @ np.diag(deviations**2) @ at_region.T
-    return Plane((surface.slope, surface.slope * along), surface.slope * u_m - surface.at(u_m)), cov
+    return plane_of(surface, path.yaw_rad), cov
+
+
+def plane_of(surface: Surface, yaw_rad: float) -> Plane:
+    """Return the plane in H of a surface of a path along u = x + y tan(`yaw_rad`)."""
+    gradient = (surface.slope, surface.slope * math.tan(yaw_rad))
+    return Plane(gradient, surface.slope * surface.middle_m - surface.height_m)
+
+
+def region_on(surface: Surface, yaw_rad: float, like: FootholdRegion) -> FootholdRegion:
+    """Return the region on a surface of the path straight ahead, as wide as another and no longer than it."""
+    half_length_m = min(0.5 * (surface.to_m - surface.from_m), like.half_length_m)
+    return replace(like, ahead_m=surface.middle_m, left_m=0.0, half_length_m=half_length_m, yaw_rad=yaw_rad)
 
 
 def is_other_surface(plane: Plane, region: FootholdRegion, path: PathAhead) -> bool:

@@ -111,7 +111,8 @@ def _in_cells(around: FloatArray) -> FloatArray:
 def _steepness(around: FloatArray) -> FloatArray:
     """Return the size (n,) of the function's gradient, per pixel, over zero; of nine nodes the middle one is 4."""
     across, down = around[:, 5] - around[:, 3], around[:, 7] - around[:, 1]
-    return np.maximum(np.hypot(across, down) / (2.0 * CELL), np.finfo(np.float64).tiny)
+    steepness: FloatArray = np.maximum(np.hypot(across, down) / (2.0 * CELL), np.finfo(np.float64).tiny)
+    return steepness
 
 
 def _weights() -> FloatArray:

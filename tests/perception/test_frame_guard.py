@@ -85,6 +85,23 @@ def test_after_a_silence_the_timing_is_learnt_anew() -> None:
     assert set(judged(guard, [LATENCY_NS - 20_000_000] * 5, seed=5)) == {Reason.NONE}
 
 
+def test_a_silence_of_wrong_stamps_does_not_refuse_the_right_ones_after_it() -> None:
+    guard = FrameGuard()
+    judged(guard, [LATENCY_NS] * 30)
+    guard.reset_timing()
+    old = [LATENCY_NS + 1_000_000_000] * 60
+    assert set(judged(guard, [*old, *[LATENCY_NS + 500_000] * 30], seed=6)) == {Reason.NONE}
+    assert judged(guard, [LATENCY_NS - 20_000_000], seed=7) == [Reason.TIME_INCONSISTENT]
+
+
+def test_another_camera_whose_stamps_jump_forward_is_refused_after_a_silence_as_well() -> None:
+    guard = FrameGuard()
+    judged(guard, [LATENCY_NS] * 30)
+    guard.reset_timing()
+    slower = [LATENCY_NS + 60_000_000] * 30
+    assert set(judged(guard, [*slower, *[LATENCY_NS - 30_000_000] * 20], seed=8)[30:]) == {Reason.TIME_INCONSISTENT}
+
+
 def test_a_backlog_of_frames_that_arrive_together_teaches_nothing() -> None:
     guard = FrameGuard()
     arrival_ns = 10**12

@@ -14,13 +14,20 @@ from tests.bench.told_track import CALIBRATION, camera_step, measured
 
 WRONG_NS, END_NS = WALKING_NS + 2_000_000_000, WALKING_NS + 3_500_000_000
 RIGHT = (1.0, 1.0, 1.0)
+FIFTEEN_DPS = 0.26
+"""Twice the offset of an ordinary chip, in rad/s: so much is off where the sign turns over while the wearer stands."""
+COVERED_STEPS = 14
+"""A little longer than all is believed without an accepted step."""
 
 
-def walked(track: AttitudeTrack, seed: int, signs: Vec3 = RIGHT) -> Iterator[CameraStep]:
-    """Let `track` walk, and yield the steps from WRONG_NS on; the rates have other `signs` from then on."""
+def walked(
+    track: AttitudeTrack, seed: int, signs: Vec3 = RIGHT, off_radps: Vec3 = (0.0, 0.0, 0.0)
+) -> Iterator[CameraStep]:
+    """Let `track` walk, and yield the steps from WRONG_NS on; from then on the rates have other `signs` and are off."""
     for seq, each in enumerate(arrivals_until(END_NS, seed)):
         if isinstance(each, SampleAt):
-            rate_B_radps = np.multiply(each.w_B_radps, signs if each.t_ns >= WRONG_NS else 1.0)
+            wrong_B_radps = np.add(np.multiply(each.w_B_radps, signs), off_radps)
+            rate_B_radps = wrong_B_radps if each.t_ns >= WRONG_NS else each.w_B_radps
             track.add_sample(measured(replace(each, w_B_radps=vec3(rate_B_radps)), seq))
         elif each.t_after_ns < WRONG_NS:
             track.add_camera_step(camera_step(each))
@@ -28,10 +35,12 @@ def walked(track: AttitudeTrack, seed: int, signs: Vec3 = RIGHT) -> Iterator[Cam
             yield camera_step(each)
 
 
-def times_contradicted(seed: int, distances: float, signs: Vec3 = RIGHT) -> list[int]:
+def times_contradicted(
+    seed: int, distances: float, signs: Vec3 = RIGHT, off_radps: Vec3 = (0.0, 0.0, 0.0)
+) -> list[int]:
     """Return after which steps the gyroscope was contradicted, where distances are by a factor too long."""
     track, contradicted = AttitudeTrack(CALIBRATION), []
-    for number, step in enumerate(walked(track, seed, signs)):
+    for number, step in enumerate(walked(track, seed, signs, off_radps)):
         track.check_turn(replace(step, travel_B=vec3(distances * np.array(step.travel_B))))
         if track.contradiction is Reason.IMU_INCONSISTENT:
             contradicted.append(number)
@@ -42,6 +51,25 @@ def times_contradicted(seed: int, distances: float, signs: Vec3 = RIGHT) -> list
 @pytest.mark.parametrize(("seed", "distances"), [(5, 1.3), (8, 0.5)])
 def test_a_gyroscope_with_a_wrong_sign_is_contradicted(seed: int, distances: float, signs: Vec3) -> None:
     assert min(times_contradicted(seed, distances, signs)) < 8
+
+
+@pytest.mark.parametrize("off_radps", [(FIFTEEN_DPS, 0.0, 0.0), (0.0, -FIFTEEN_DPS, 0.0), (0.0, 0.0, FIFTEEN_DPS)])
+def test_small_turns_that_are_missing_in_every_step_contradict_together(off_radps: Vec3) -> None:
+    assert min(times_contradicted(5, 1.3, off_radps=off_radps)) < 8
+
+
+def test_what_wrong_distances_may_make_of_a_turn_does_not_contradict() -> None:
+    assert times_contradicted(5, 1.3, off_radps=(0.03, -0.03, 0.0)) == []
+
+
+@pytest.mark.parametrize("off_radps", [(FIFTEEN_DPS, 0.0, 0.0), (0.0, 0.0, -FIFTEEN_DPS)])
+def test_the_first_steps_after_a_covered_camera_contradict_before_they_are_believed(off_radps: Vec3) -> None:
+    track, contradicted = AttitudeTrack(CALIBRATION), []
+    for number, step in enumerate(walked(track, 5, off_radps=off_radps)):
+        if number >= COVERED_STEPS:
+            track.add_camera_step(step)
+            contradicted.append(track.contradiction is Reason.IMU_INCONSISTENT)
+    assert any(contradicted[:8])
 
 
 @pytest.mark.parametrize(("seed", "distances"), [(5, 1.3), (8, 0.5), (6, 0.9)])

@@ -8,13 +8,14 @@ from perception.depth.repeats import NO_REPEATS, Repeats, Rival
 from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeasurement
 from perception.ground.plane import Plane, PlaneFit
-from perception.ground.repetition import RepetitionWatch, heights_as_steep
+from perception.ground.repetition import RepetitionWatch, as_steep
 from perception.terrain.surfaces import Surface
 
 REGION = FootholdSettings().region
 TRACKED = Plane((0.0, 0.0), 0.95)
 TILE = 0.025 / 0.12
 LIKE = Repeats(0.05, (Rival(1.0 + TILE, 0.06), Rival(1.0 - TILE, 0.07)))
+TREAD = Surface(1.1, 1.4, 1.25, -0.8, 0.0, 0.002, 0.003)
 SELF_CLEAR = Repeats(0.02, (Rival(1.0 + TILE, 0.06), Rival(1.0 - TILE, 0.07)))
 
 
@@ -146,9 +147,9 @@ def test_a_surface_of_the_path_a_tile_off_the_ground_makes_a_floor_that_repeats_
     other_m: float, ambiguous: bool
 ) -> None:
     watch = RepetitionWatch()
-    assert not watch.makes_ambiguous(0, 0.95, [other_m])
+    assert not watch.makes_ambiguous(0, 0.95, [(TREAD, other_m)], lambda _: LIKE)
     resolved(watch, Floor(SELF_CLEAR), measured(0.95), None)
-    assert watch.makes_ambiguous(0, 0.95, [0.95, other_m]) is ambiguous
+    assert watch.makes_ambiguous(0, 0.95, [(TREAD, 0.95), (TREAD, other_m)], lambda _: LIKE) is ambiguous
     assert watch.is_ambiguous(0) is ambiguous
     assert not watch.is_ambiguous(2_000_000_000)
 
@@ -157,7 +158,27 @@ def test_a_surface_of_the_path_a_tile_off_the_ground_makes_a_floor_that_repeats_
 def test_of_large_tiles_the_height_tells_a_step_from_a_tile(tiles: float, ambiguous: bool) -> None:
     watch, brick = RepetitionWatch(), 0.09 / 0.12
     resolved(watch, Floor(Repeats(0.02, (Rival(1.0 + brick, 0.06),))), measured(0.95), None)
-    assert watch.makes_ambiguous(0, 0.95, [0.95 / (1.0 + tiles * brick)]) is ambiguous
+    assert watch.makes_ambiguous(0, 0.95, [(TREAD, 0.95 / (1.0 + tiles * brick))], lambda _: NO_REPEATS) is ambiguous
+
+
+@pytest.mark.parametrize(
+    ("told", "ambiguous"),
+    [(Repeats(0.05, ()), False), (SELF_CLEAR, False), (LIKE, True), (Repeats(0.3, ()), True), (NO_REPEATS, True)],
+    ids=["it is alone", "it stands out", "the other fits as well", "it is no plane", "it cannot be asked"],
+)
+def test_a_surface_that_the_picture_tells_from_a_tile_makes_nothing_ambiguous(told: Repeats, ambiguous: bool) -> None:
+    watch = RepetitionWatch()
+    resolved(watch, Floor(SELF_CLEAR), measured(0.95), None)
+    assert watch.makes_ambiguous(0, 0.95, [(TREAD, 0.95 / (1.0 + TILE))], lambda _: told) is ambiguous
+
+
+def test_what_is_no_plane_tells_nothing_of_tiles() -> None:
+    """At an edge, two surfaces in one region: all planes fit badly, none stands out."""
+    watch = RepetitionWatch()
+    resolved(watch, Floor(SELF_CLEAR), measured(0.95), None)
+    resolved(watch, Floor(Repeats(0.5, (Rival(1.0 + TILE, 0.55),))), measured(0.95), TRACKED)
+    assert watch.repeats(0)
+    assert not watch.is_ambiguous(0)
 
 
 def test_only_a_surface_as_steep_as_the_ground_can_be_a_tile_off() -> None:
@@ -166,7 +187,9 @@ def test_only_a_surface_as_steep_as_the_ground_can_be_a_tile_off() -> None:
     level = Surface(1.8, 2.1, 2.0, -0.56, 0.0, 0.004, 0.03)
     unsure = Surface(2.2, 2.4, 2.3, -0.56, 0.05, 0.01, 0.08)
     above = Surface(2.2, 2.4, 2.3, 0.6, 0.2, 0.01, 0.08)
-    assert heights_as_steep([ramp, level, unsure, above], 0.2) == pytest.approx([0.92, 1.02])
+    (first, ramp_m), (second, unsure_m) = as_steep([ramp, level, unsure, above], 0.2)
+    assert (first, second) == (ramp, unsure)
+    assert (ramp_m, unsure_m) == pytest.approx((0.92, 1.02))
 
 
 def test_a_plane_that_the_path_foretells_is_believed_only_where_the_picture_tells_it_apart() -> None:
