@@ -25,12 +25,13 @@ class JumpSettings:
     """What counts as a jump, in pixels of the picture whose corners are followed.
 
     Corners off (1) by more than `usual_px` count the less, and `least_share` of them are off by less than
-    `agreeing_px`. The jump is at least `least_px` somewhere between them. Eyes that slip still show the same corners:
-    the first jump is shown by `first_share` of as many as usual, fewer may be chance matches of pictures that do not
-    belong together.
+    `agreeing_px`. The jump is at least `least_px` somewhere between them, beyond `sigmas` of chance. Eyes that slip
+    still show the same corners: the first jump is shown by `first_share` of as many as usual, fewer may be chance
+    matches of pictures that do not belong together.
     """
 
     least_px: float = 0.4
+    sigmas: float = 4.0
     agreeing_px: float = 0.3
     least_share: float = 0.8
     least_corners: int = 12
@@ -43,7 +44,8 @@ class JumpSettings:
 class DistanceJumps:
     """Sums up the jumps of one pair of eyes; `contradict` while what they leave would be one.
 
-    `newest_px` is by how much distances differed in the newest picture; NaN where its corners do not tell.
+    `newest_px` is by how much distances differed in the newest picture, beyond chance; NaN where its corners do not
+    tell.
     """
 
     def __init__(self, settings: JumpSettings | None = None) -> None:
@@ -73,7 +75,9 @@ class DistanceJumps:
         agreed = np.count_nonzero(left_px < settings.agreeing_px) > settings.least_share * len(off_px)
         if not agreed:
             return
-        self.newest_px = _largest_px(jump, places_px)
+        # of N corners the deviation at a corner of the rectangle is that of three means
+        chance_px = settings.sigmas * _OF_MEDIAN * float(np.median(left_px)) * math.sqrt(3.0 / len(off_px))
+        self.newest_px = max(0.0, _largest_px(jump, places_px) - chance_px)
         if not self.jumped:
             kept = settings.usual_kept if self._usual_corners else 0.0
             self._usual_corners = kept * self._usual_corners + (1.0 - kept) * len(off_px)
@@ -100,4 +104,6 @@ def _largest_px(jump: FloatArray, places_px: FloatArray) -> float:
     return float(np.abs(at_corners).max())
 
 
+_OF_MEDIAN = 1.4826
+"""One standard deviation of normal errors in units of the median of their sizes."""
 _RECTANGLE = np.array([(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)])

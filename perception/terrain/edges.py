@@ -9,7 +9,7 @@ so what is first seen beyond it is what follows the lip only if no tread fits in
 the ground lies below that line: one tread t behind the lip, lower by h t / u_l at least. Ground may be in view and not
 match, so no more is told than the share of one of as many equal steps as fit in before the next surface. Of steep
 flights slivers of treads are seen first, too narrow for surfaces: points between the lip and the next surface, below
-the one and above the other, that begin where (1) has them.
+the one and above the other, that begin where (1) has them. What falls on from there may be the line over nosings.
 
 Of what is seen too little may be left to tell its slope β, by which the rise at the edge is extrapolated over what is
 hidden. Treads and kerbs lie about as the ground before them does, at β_0; with the variances of both and of how they
@@ -19,6 +19,7 @@ differ,
 """
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,12 +49,27 @@ class Edge:
 
 def find_edges(surfaces: list[Surface], points: PathPoints, yaw_rad: float) -> list[Edge]:
     """Return the edges between `surfaces` that follow one another on the profile along `yaw_rad`."""
-    edges = []
-    for before, after in itertools.pairwise(_side_by_side(surfaces)):
+    edges: list[Edge | None] = []
+    lips_m: list[float] = []  # of the flight so far
+    parallel = side_by_side(surfaces)
+    for before, after in itertools.pairwise(parallel):
         rise_m = _rise_m(before, after)
-        if abs(rise_m) >= LEAST_RISE_M:
-            edges.append((_rising if rise_m > 0.0 else _falling)(before, after, points, yaw_rad))
-    return [edge for edge in edges if edge is not None]
+        lips_m = [*lips_m, before.to_m] if rise_m <= -LEAST_RISE_M else []
+        if rise_m >= LEAST_RISE_M:
+            edges.append(_rising(before, after, points, yaw_rad))
+        elif lips_m:
+            edges.append(_falling(before, after, points, yaw_rad, _least_tread_m(lips_m)))
+    found = [edge for edge in edges if edge is not None]
+    higher = _next_riser(parallel[-1], found[-2:], points, yaw_rad) if len(found) >= _LEAST_TREADS else None
+    return found if higher is None else [*found, higher]
+
+
+def _least_tread_m(lips_m: Sequence[float]) -> float:
+    """Return how long the next tread of a flight is at least, of which these lips, the last its own, are seen."""
+    treads_m = np.diff(lips_m)
+    if len(treads_m) < _LEAST_TREADS or treads_m.max() > _ALIKE_TREADS * treads_m.min():
+        return LEAST_TREAD_M  # one may have been missed
+    return max(LEAST_TREAD_M, float(treads_m.min()) / _ALIKE_TREADS)
 
 
 def common_sd_m(distance_m: float, height_m: float, fB_px_m: float) -> float:
@@ -65,9 +81,9 @@ def common_sd_m(distance_m: float, height_m: float, fB_px_m: float) -> float:
     return abs(distance_m) * float(np.hypot(distance_m, height_m)) * OFFSET_PX / fB_px_m
 
 
-def _side_by_side(surfaces: list[Surface]) -> list[Surface]:
+def side_by_side(surfaces: Sequence[Surface]) -> list[Surface]:
     """Return the surfaces with the slopes (2); where two meet without an edge, each keeps its own."""
-    told = surfaces[:1]
+    told = list(surfaces[:1])
     for after in surfaces[1:]:
         told.append(_as_parallel(after, told[-1]) if abs(_rise_m(told[-1], after)) >= LEAST_RISE_M else after)
     return told
@@ -81,7 +97,7 @@ def _rise_m(before: Surface, after: Surface) -> float:
 
 def _as_parallel(after: Surface, before: Surface) -> Surface:
     """Return a surface with the slope (2) that its own points and the surface before it tell together."""
-    own, other = after.slope_sd**-2, 1.0 / (before.slope_sd**2 + _SLOPE_APART**2)
+    own, other = after.slope_sd**-2, 1.0 / (before.slope_sd**2 + SLOPE_APART**2)
     slope = (own * after.slope + other * before.slope) / (own + other)
     return replace(after, slope=slope, slope_sd=float((own + other) ** -0.5))
 
@@ -98,8 +114,33 @@ def _rising(before: Surface, after: Surface, points: PathPoints, yaw_rad: float)
     return _between(before, after, line, line.distance_m)
 
 
-def _falling(before: Surface, after: Surface, points: PathPoints, yaw_rad: float) -> Edge | None:
-    """Return the edge at the end of a surface beyond which the ground is lower."""
+def _next_riser(tread: Surface, flight: Sequence[Edge], points: PathPoints, yaw_rad: float) -> Edge | None:
+    """Return the edge at the end of the last surface, a `tread` of a flight whose newest two risers are given, where
+    its face is seen and what lies on top of it is above the picture: as high as the riser before, about."""
+    one, other = flight
+    tread_m = other.distance_m - one.distance_m
+    if min(one.rise_m, other.rise_m) < LEAST_RISE_M or abs(one.rise_m - other.rise_m) > _RISERS_APART_M:
+        return None
+    if not other.distance_m - _FACE_REACH_M < tread.from_m < other.distance_m + 0.5 * tread_m < tread.to_m:
+        return None
+    u_m, expected_m = points.along(yaw_rad), other.distance_m + tread_m
+    share = (points.z_m - tread.at(0.0) - tread.slope * u_m) / other.rise_m
+    face = (share > 0.25) & (share < 0.75) & (np.abs(u_m - expected_m) < _FACE_REACH_M)
+    line = _line_across(points.x_m[face], points.y_m[face])
+    if line is None or np.ptp(points.y_m[face]) < _LEAST_FACE_M:
+        return None
+    return Edge(
+        distance_m=line.distance_m,
+        distance_sd_m=line.distance_sd_m,
+        rise_m=other.rise_m,
+        rise_sd_m=float(np.hypot(other.rise_sd_m, _RISERS_APART_M)),
+        yaw_rad=line.yaw_rad,
+        yaw_sd_rad=line.yaw_sd_rad,
+    )
+
+
+def _falling(before: Surface, after: Surface, points: PathPoints, yaw_rad: float, least_tread_m: float) -> Edge | None:
+    """Return the edge at the end of a surface beyond which the ground is lower, no tread shorter than the least."""
     u_m = points.along(yaw_rad)
     upper = (np.abs(u_m - before.to_m) < _LIP_REACH_M) & (
         np.abs(points.z_m - before.height_m - before.slope * (u_m - before.middle_m)) < _LIP_HEIGHT_M
@@ -116,7 +157,8 @@ def _falling(before: Surface, after: Surface, points: PathPoints, yaw_rad: float
     if from_m > lip_m * -z_m / height_m + _FROM_SHADOW_M:  # (1)
         return None
     hidden_m = from_m - lip_m
-    if sliver is None and hidden_m < LEAST_TREAD_M:
+    over_nosings = after.slope < before.slope - _NOSINGS_SLOPE
+    if sliver is None and hidden_m < least_tread_m and not over_nosings:
         return edge
     at_least_m = min(
         height_m * min(hidden_m - _DOUBTFUL * lip_m, LEAST_TREAD_M) / lip_m,  # (1)
@@ -204,9 +246,18 @@ OFFSET_PX = 0.15
 pairs of 63 and 120 mm are off by 0.15 to 0.25 px from 1.1 to 2.5 m."""
 LEAST_RISE_M = 0.04
 LEAST_TREAD_M = 0.22
-_SLOPE_APART = 0.02
+SLOPE_APART = 0.02
+_LEAST_TREADS = 2
+"""Of a flight, alike, that tell how long its next one is."""
+_ALIKE_TREADS = 1.2
+_NOSINGS_SLOPE = 0.1
+"""Stairs of 12 by 36 cm fall by a third; where two treads are taken for one surface, by half of that and more."""
 _DOUBTFUL = 0.05  # of the distance: so much behind a lip may be seen and not match
 _FACE_REACH_M = 0.06
+_LEAST_FACE_M = 0.25
+"""Of its width: half of the path's. What stands on a tread is narrower."""
+_RISERS_APART_M = 0.015
+"""Of one flight: what building codes allow."""
 _LIP_REACH_M = 0.08
 _LIP_HEIGHT_M = 0.02
 _FROM_SHADOW_M = 0.08

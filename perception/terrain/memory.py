@@ -11,16 +11,22 @@ average out: it is added when an edge is told.
 
 At one place there is one edge: what is seen there is that edge, however high. A rise that contradicts the one known is
 left out, until as many frames in a row do as it takes to forget an edge; then it replaces it.
+
+From afar treads are slivers that many frames do not show as surfaces. Where known edges, of rises r_k with variances
+P_k, all lie between two surfaces that follow one another in a frame, it measures their sum, s = Σ r_k + n, so that
+
+    r_k ← r_k + P_k (s − Σ r_k) / (Σ P_k + R),      P_k ← P_k − P_k² / (Σ P_k + R).                             (2)
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from messages.arrays import FloatArray
-from perception.terrain.edges import Edge
+from perception.terrain.edges import SLOPE_APART, Edge, side_by_side
 from perception.terrain.surfaces import Surface
 from perception.terrain.way import Way
 
@@ -98,6 +104,7 @@ class EdgeMemory:
                 self._fuse(known, nearest, heading_rad)
             elif _goes_on(surfaces, expected) or any(_stands_instead(edge, expected) for edge in edges):
                 known.contradicted += 1
+        self._fuse_sums(surfaces, heading_rad)
         self._known += [self._new(edge, heading_rad) for edge in unmatched]
         self._forget(heading_rad)
         return self._told(self._way.p_W_m, heading_rad)
@@ -108,17 +115,16 @@ class EdgeMemory:
 
     def expected_yaw_rad(self, heading_rad: float) -> float:
         """Return the yaw of the nearest edge ahead that is confirmed; 0 where none is."""
-        ahead = [
-            edge
-            for known in self._known
-            if known.seen >= self._settings.confirmed
-            and (edge := known.in_heading(self._way.p_W_m, heading_rad)).distance_m > 0.0
-        ]
-        return min(ahead, key=lambda edge: edge.distance_m).yaw_rad if ahead else 0.0
+        ahead = [edge for edge in self._told(self._way.p_W_m, heading_rad) if edge.distance_m > 0.0]
+        return ahead[0].yaw_rad if ahead else 0.0
+
+    @property
+    def _confirmed(self) -> list[_Known]:
+        return [known for known in self._known if known.seen >= self._settings.confirmed]
 
     def _told(self, p_W_m: FloatArray, heading_rad: float) -> list[Edge]:
-        confirmed = (known for known in self._known if known.seen >= self._settings.confirmed)
-        return sorted((known.in_heading(p_W_m, heading_rad) for known in confirmed), key=lambda edge: edge.distance_m)
+        edges = (known.in_heading(p_W_m, heading_rad) for known in self._confirmed)
+        return sorted(edges, key=lambda edge: edge.distance_m)
 
     def _move(self, t_ns: int, v_W_mps: FloatArray) -> None:
         dt_s = self._way.move(t_ns, v_W_mps)
@@ -156,6 +162,29 @@ class EdgeMemory:
         if better if known.otherwise == 0 else known.otherwise >= self._settings.contradicted:
             known.rise_m, known.rise_var_m2, known.bound_only = seen.rise_m, seen.rise_var_m2, seen.bound_only
             known.otherwise = 0
+
+    def _fuse_sums(self, surfaces: Sequence[Surface], heading_rad: float) -> None:
+        """Correct drops that this frame shows together, (2)."""
+        lips = sorted(
+            ((known.in_heading(self._way.p_W_m, heading_rad).distance_m, known) for known in self._confirmed),
+            key=lambda lip: lip[0],
+        )
+        for before, after in pairwise(side_by_side(surfaces)):
+            between = [(at_m, each) for at_m, each in lips if before.to_m - _AT_END_M < at_m < after.from_m]
+            if len(between) < 2 or any(each.bound_only or each.rise_m > 0.0 for _, each in between):
+                continue
+            (first_m, _), (last_m, _) = between[0], between[-1]
+            sum_m = after.at(last_m) - before.at(first_m) - before.slope * (last_m - first_m)
+            hidden_m = SLOPE_APART * (last_m - first_m)
+            noise_m2 = before.sd_at(first_m) ** 2 + after.sd_at(last_m) ** 2 + hidden_m**2
+            off_m = sum_m - sum(each.rise_m for _, each in between)
+            var_m2 = noise_m2 + sum(each.rise_var_m2 for _, each in between)
+            if off_m**2 > _SUM_SIGMAS**2 * var_m2:
+                continue
+            for _, each in between:
+                gain = each.rise_var_m2 / var_m2
+                each.rise_m += gain * off_m
+                each.rise_var_m2 *= 1.0 - gain
 
     def _new(self, edge: Edge, heading_rad: float) -> _Known:
         phi_rad = heading_rad + edge.yaw_rad
@@ -217,6 +246,9 @@ _RISE_M_PER_SQRT_S = 0.01
 _DISTANCE_COMMON_M = 0.006
 _RISE_COMMON_M = 0.002
 _RISE_APART_M = 0.03
+_AT_END_M = 0.05
+"""Before the end of a surface its own lip may be told."""
+_SUM_SIGMAS = 3.0
 _GOES_ON_M = 0.10
 _NO_TREAD_M = 0.15
 _FARTHEST_M = 4.0

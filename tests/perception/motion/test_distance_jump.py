@@ -41,6 +41,16 @@ def stretch_px(places_px: Float32Array) -> FloatArray:
     return stretched
 
 
+def test_what_few_corners_differ_by_together_must_be_more_than_chance() -> None:
+    by_px = -0.1 + 0.38 * stretch_px(corners(20))  # 0.48 px at most
+    few, many = DistanceJumps(), DistanceJumps()
+    few.add(corners(20), off(20, by_px, noise_px=0.14))
+    assert not few.jumped
+    by_px = -0.1 + 0.38 * stretch_px(corners(120))
+    many.add(corners(120), off(120, by_px, noise_px=0.06))
+    assert many.jumped
+
+
 @pytest.mark.parametrize("by_px", [0.6, -0.6, 3.0])
 def test_an_eye_that_turns_moves_all_distances_until_it_turns_back(by_px: float) -> None:
     jumps = DistanceJumps()

@@ -87,14 +87,53 @@ def test_a_drop_is_told_with_its_height_once_enough_of_what_follows_is_seen(
 
 def test_the_drops_between_short_treads_seen_from_afar_are_right_to_millimetres() -> None:
     """A third of each tread is in view: its own slope, extrapolated over what is hidden, would be off by 4 mm RMS."""
-    off_m = [
-        edge.rise_m + 0.17
+    told = [
+        edge
         for seed in range(12)
         for edge in found(points_seen(flight(1.0, -0.17, 0.30, 8), height_m=0.9, seed=seed, noise_px=0.2))[1]
-        if not edge.bound_only and edge.distance_m < 1.8
+        if not edge.bound_only
     ]
-    assert len(off_m) > 20
-    assert math.sqrt(np.mean(np.square(off_m))) < 0.0025
+    for to_m, least, most_m in ((1.45, 20, 0.0025), (1.8, 28, 0.004)):
+        off_m = [edge.rise_m + 0.17 for edge in told if edge.distance_m < to_m]
+        assert len(off_m) > least
+        assert math.sqrt(np.mean(np.square(off_m))) < most_m
+
+
+def test_treads_that_are_known_tell_that_no_other_is_hidden_behind_the_next_lip() -> None:
+    """Behind the third lip 0.23 m are hidden, where a tread of 0.22 m would have room."""
+    off_m = []
+    for seed in range(4):
+        _, edges = found(points_seen(flight(0.9, -0.2, 0.36, 4), height_m=1.0, seed=seed))
+        third = nearest(edges, 0.9 + 2 * 0.36)
+        assert not third.bound_only
+        off_m.append(third.rise_m + 0.2)
+    assert np.abs(off_m).max() < 0.012
+
+
+def test_what_falls_on_behind_a_lip_may_be_nosings_and_bounds_the_drop() -> None:
+    slope = math.tan(math.radians(9.0))
+    ramp = [(-1.0, 0.0, 1.2, 0.0), (1.2, 0.0, 1.2, -0.14), (1.2, -0.14, 4.0, -0.14 - 2.8 * slope)]
+    _, edges = found(points_seen(ramp, height_m=1.0))
+    assert nearest(edges, 1.2).bound_only
+    assert -0.14 - 0.01 < nearest(edges, 1.2).rise_m < 0.0
+
+
+@pytest.mark.parametrize("rise_m", [0.13, 0.19])
+def test_of_a_flight_up_the_riser_is_told_whose_tread_is_above_the_picture(rise_m: float) -> None:
+    pieces = flight(0.45, rise_m, 0.3, 5)
+    points = points_seen(pieces, height_m=0.95)
+    _, edges = found(points.where(points.z_m < -0.95 + 2.9 * rise_m))
+    assert [edge.distance_m for edge in edges] == pytest.approx([0.45, 0.75, 1.05], abs=0.015)
+    assert edges[-1].rise_m == pytest.approx(rise_m, abs=0.01)
+    assert edges[-1].rise_sd_m > 0.014
+
+
+def test_what_stands_on_a_tread_is_no_riser() -> None:
+    pieces = flight(0.45, 0.15, 0.3, 5)
+    points = points_seen(pieces, height_m=0.95)
+    box = (points.z_m < -0.95 + 2.05 * 0.15) | (np.abs(points.y_m) < 0.1) & (points.z_m < -0.95 + 2.9 * 0.15)
+    _, edges = found(points.where(box))
+    assert [edge.distance_m for edge in edges] == pytest.approx([0.45, 0.75], abs=0.015)
 
 
 @pytest.mark.parametrize("at_m", [0.7, 1.2, 1.9])

@@ -119,6 +119,34 @@ def test_a_rise_follows_what_is_seen_nearer_by() -> None:
     assert told.rise_m == pytest.approx(-0.14, abs=0.006)
 
 
+UPPER = Surface(from_m=0.3, to_m=0.9, middle_m=0.6, height_m=-0.95, slope=0.0, height_sd_m=0.002, slope_sd=0.003)
+LANDING = Surface(from_m=1.5, to_m=2.4, middle_m=1.9, height_m=-1.27, slope=0.0, height_sd_m=0.003, slope_sd=0.003)
+LIPS = (
+    replace(RISER, distance_m=0.9, rise_m=-0.175, rise_sd_m=0.01),
+    replace(RISER, distance_m=1.2, rise_m=-0.115, rise_sd_m=0.02),
+)
+
+
+def test_drops_between_two_surfaces_that_are_seen_have_the_sum_that_these_tell() -> None:
+    """Of the tread between them a few frames showed a sliver, 30 mm too high: both together fall by 32 cm."""
+    memory = EdgeMemory()
+    for k in range(3):
+        memory.update(k * FRAME_NS, np.zeros(2), 0.0, LIPS, [])
+    first, second = memory.update(3 * FRAME_NS, np.zeros(2), 0.0, [], [])
+    told = memory.update(4 * FRAME_NS, np.zeros(2), 0.0, [], [UPPER, LANDING])
+    assert sum(edge.rise_m for edge in told) == pytest.approx(-0.32, abs=0.012)
+    assert second.rise_m - told[1].rise_m > 2.0 * (first.rise_m - told[0].rise_m) > 0.0  # by their variances
+    assert told[1].rise_sd_m < second.rise_sd_m
+
+
+def test_a_sum_tells_nothing_of_a_bound() -> None:
+    memory, lips = EdgeMemory(), (LIPS[0], replace(LIPS[1], bound_only=True))
+    for k in range(4):
+        before = memory.update(k * FRAME_NS, np.zeros(2), 0.0, lips, [])
+    after = memory.update(4 * FRAME_NS, np.zeros(2), 0.0, [], [UPPER, LANDING])
+    assert [edge.rise_m for edge in after] == [edge.rise_m for edge in before]
+
+
 def test_after_a_long_gap_nothing_is_remembered() -> None:
     memory = EdgeMemory()
     walked(memory, 5, RISER, speed_mps=0.0)
