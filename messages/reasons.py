@@ -27,7 +27,7 @@ class Reason(str, enum.Enum):
     EYES_SWAPPED = "eyes_swapped"  # the pair only matches with left and right exchanged
     WRONG_SIZE = "wrong_size"  # the frame's size is not the calibration's
     FROZEN_FRAME = "frozen_frame"  # the camera repeats one picture
-    TIME_INCONSISTENT = "time_inconsistent"  # the frame's stamp contradicts its arrival, or the IMU's clock
+    TIME_INCONSISTENT = "time_inconsistent"  # its stamp contradicts arrival or IMU, or part of it is of another instant
     LATE = "late"  # computed so late that the wearer has moved on
     IMU_INCONSISTENT = "imu_inconsistent"  # the IMU measures another motion than the camera sees
     EYES_MISALIGNED = "eyes_misaligned"  # one eye is turned, or sees all higher or larger, than calibrated

@@ -26,6 +26,7 @@ from perception.motion.mirrored import Mirrored
 from perception.motion.rigid_step import PointsInStep, RigidStepSettings, solve
 from perception.motion.sheared import Shear
 from perception.motion.stereo_points import StereoPoints, View
+from perception.motion.torn import Torn
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,8 @@ class _Pair(NamedTuple):
 class VisualOdometer:
     """Follows the motion of C from frame to frame.
 
-    `skew` is how the eyes' rows differ in the newest pair; `jumps` tell whether all distances have jumped. By
+    `skew` is how the eyes' rows differ in the newest pair; `jumps` tell whether all distances have jumped, and `torn`
+    whether pictures are of two instants. By
     `moved` (of a ray's tangent) corners moved in the newest step, half of them by less; infinite where that is unknown.
     """
 
@@ -85,6 +87,7 @@ class VisualOdometer:
         self.jumps = DistanceJumps()
         self.moved = math.inf
         self._mirrored = Mirrored()
+        self.torn = Torn()
         self._expected: tuple[Float32Array, FloatArray] | None = None  # corners of the newest pair, and their depths
 
     @property
@@ -178,9 +181,9 @@ class VisualOdometer:
             return None
         seen_px, points_C = seen_px[good], before.points_C[good]
         to_s = step_s + self._stereo.row_times_s(seen_px)
-        disparity = self._stereo.baseline_m / points_C[:, 2]
+        disparity, rays = self._stereo.baseline_m / points_C[:, 2], self._stereo.left.rays_C(seen_px)[:, :2]
         points = PointsInStep(points_C, disparity, before.row_time_s[good], to_s, inner)
-        step = solve(points, self._stereo.left.rays_C(seen_px)[:, :2], inner.foretold, self._settings)
+        step = solve(points, rays, inner.foretold, self._settings)
         if step is None:
             if self.jumps.contradict:  # with wrong distances few steps are found: may the eyes have jumped back?
                 self._expected = seen_px, points.moved(np.zeros(6))[2]
@@ -190,6 +193,9 @@ class VisualOdometer:
         moved_px = np.linalg.norm(seen_px - before.corners_px[good], axis=1)
         self.moved = float(np.median(moved_px)) / self._settings.f_px
         self._mirrored.add(step.disagreeing, step.noise)
+        as_before = PointsInStep(points_C, disparity, before.row_time_s[good], to_s, steady_motion(self._last_rates))
+        off_px, off_before_px = points.off(step.rates, rays), as_before.off(np.zeros(6), rays)
+        self.torn.add(self._settings.f_px * off_px, self._settings.f_px * off_before_px)
         common = self.common_error / step_s * _RATES_PER_TANGENT
         return EgoMotion(
             t_before_ns=before.t_exposure_ns,

@@ -108,6 +108,12 @@ class PointsInStep:
         after = self._steady + (rates @ self._by_rates.reshape(6, -1)).reshape(3, -1)
         return _turned_back(after, rates[:3], self._to_s)
 
+    def off(self, rates: FloatArray, seen: FloatArray) -> FloatArray:
+        """Return how far (N,), tangents, the points are from where they are `seen` (N, 2) after a motion."""
+        moved = self.moved(rates)
+        off: FloatArray = np.hypot(*(seen.T - moved[:2] / np.maximum(moved[2], _LEAST_DEPTH_M)))
+        return off
+
     def shift(self, picture: FloatArray, depth: FloatArray, rates: FloatArray) -> FloatArray:
         """Return h (2, N) of (2), at X' that `picture` (2, N) shows at `depth` (N,)."""
         travel = self._travel + (rates[3:] @ self._by_rates[3:].reshape(3, -1)).reshape(3, -1)

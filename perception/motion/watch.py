@@ -37,7 +37,7 @@ class MotionWatch:
         """Return EYES_MISALIGNED, DISTANCES_WRONG or TIME_INCONSISTENT while something contradicts, else NONE."""
         if self._eyes is None:
             return Reason.NONE
-        if self._eyes.reason is Reason.NONE and self._clock.contradicts:
+        if self._eyes.reason is Reason.NONE and (self._clock.contradicts or self._eyes.odometer.torn.contradicts):
             return Reason.TIME_INCONSISTENT
         return self._eyes.reason
 
