@@ -25,7 +25,7 @@ IN_WORDS = {
     Reason.EYES_SWAPPED: "left and right are exchanged: the pair matches only the other way round",
     Reason.WRONG_SIZE: "the frames are of another size than the calibration",
     Reason.FROZEN_FRAME: "the camera repeats one picture",
-    Reason.TIME_INCONSISTENT: "the frames' stamps contradict their arrival or the IMU, or part of a picture is of another instant",
+    Reason.TIME_INCONSISTENT: "stamps contradict arrival or IMU, or part of a picture is of another instant",
     Reason.LATE: "the planes come too late; the processor is overloaded, or the process stood still",
     Reason.IMU_INCONSISTENT: "the IMU measures another motion than the camera sees; check how both are mounted",
     Reason.EYES_MISALIGNED: "one eye is turned, or sees all higher or larger, than calibrated; calibrate the pair",

@@ -1,9 +1,9 @@
 """Is part of a picture still of the one before? Its corners then move as the picture did one step earlier.
 
-Where a transfer is cut short, the rows from some line on are those of an older picture, in both eyes. Each part is sound
-in itself: it shows a plane, but that of another instant, turned by what the camera has turned since. Of the corners
-that do not share a step's motion, those of such rows share that of the step before it, since the pictures that they
-are followed between are the two before. What moves by itself, a lamp that is mirrored or a person, does neither.
+Where a transfer is cut short, the rows from some line on are those of an older picture, in both eyes. Each part is
+sound in itself: it shows a plane, but that of another instant, turned by what the camera has turned since. Of the
+corners that do not share a step's motion, those of such rows share that of the step before it, since the pictures that
+they are followed between are the two before. What moves by itself, a lamp that is mirrored or a person, does neither.
 """
 
 import numpy as np
