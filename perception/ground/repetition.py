@@ -50,15 +50,15 @@ class RepetitionWatch:
         return self._ambiguous and self.repeats(t_ns)
 
     def makes_ambiguous(
-        self, t_ns: int, height_m: float, as_steep: Sequence[tuple[Surface, float]], ask: Callable[[Surface], Repeats]
+        self, t_ns: int, height_m: float, alike: Sequence[tuple[Surface, float]], ask: Callable[[Surface], Repeats]
     ) -> bool:
-        """Return whether surfaces as steep as the ground at `height_m`, each with its own height below the camera, may
-        be the same floor a tile off: it repeats itself, one lies where (1) puts another plane, and the rivals that
+        """Return whether surfaces `alike` the ground at `height_m` (`as_steep`), each with its own height, may be the
+        same floor a tile off: it repeats itself, one lies where (1) puts another plane, and the rivals that
         `ask` tells of it fit nearly as well. It is ambiguous then."""
         if self.repeats(t_ns) and not self._ambiguous:
             self._ambiguous = any(
                 self._is_tiles_off(height_m, other_m) and not self._is_itself(ask(surface))
-                for surface, other_m in as_steep
+                for surface, other_m in alike
             )
         return self.is_ambiguous(t_ns)
 

@@ -60,8 +60,8 @@ class VisualOdometer:
     """Follows the motion of C from frame to frame.
 
     `skew` is how the eyes' rows differ in the newest pair; `jumps` tell whether all distances have jumped, and `torn`
-    whether pictures are of two instants. By
-    `moved` (of a ray's tangent) corners moved in the newest step, half of them by less; infinite where that is unknown.
+    whether pictures are of two instants. By `moved` (of a ray's tangent) corners moved in the newest step, half of them
+    by less; infinite where that is unknown.
     """
 
     longest_step_s = 0.125  # one frame of 20 Hz may be missing: later, nobody knows where to look for a corner
