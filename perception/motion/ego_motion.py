@@ -193,9 +193,12 @@ class VisualOdometer:
         moved_px = np.linalg.norm(seen_px - before.corners_px[good], axis=1)
         self.moved = float(np.median(moved_px)) / self._settings.f_px
         self._mirrored.add(step.disagreeing, step.noise)
-        as_before = PointsInStep(points_C, disparity, before.row_time_s[good], to_s, steady_motion(self._last_rates))
-        off_px, off_before_px = points.off(step.rates, rays), as_before.off(np.zeros(6), rays)
-        self.torn.add(self._settings.f_px * off_px, self._settings.f_px * off_before_px)
+        if self._last_rates.any():  # the step before was seen
+            as_before = PointsInStep(
+                points_C, disparity, before.row_time_s[good], to_s, steady_motion(self._last_rates)
+            )
+            off_px, off_before_px = points.off(step.rates, rays), as_before.off(np.zeros(6), rays)
+            self.torn.add(self._settings.f_px * off_px, self._settings.f_px * off_before_px)
         common = self.common_error / step_s * _RATES_PER_TANGENT
         return EgoMotion(
             t_before_ns=before.t_exposure_ns,
