@@ -35,7 +35,8 @@ class Edge:
     """An edge `distance_m` along x of H, to the border of the upper surface: the ground rises by `rise_m`.
 
     `yaw_rad` turns x of H to the edge's normal (> 0: to the left, so that its left end is nearer). Where
-    `bound_only`, the ground falls by `rise_m` or more.
+    `bound_only`, the ground falls by `rise_m` or more; where the rise is `inferred`, from another of the same flight,
+    further frames make it no surer.
     """
 
     distance_m: float
@@ -45,6 +46,7 @@ class Edge:
     yaw_rad: float
     yaw_sd_rad: float
     bound_only: bool = False
+    inferred: bool = False
 
 
 def find_edges(surfaces: list[Surface], points: PathPoints, yaw_rad: float) -> list[Edge]:
@@ -136,6 +138,7 @@ def _next_riser(tread: Surface, flight: Sequence[Edge], points: PathPoints, yaw_
         rise_sd_m=float(np.hypot(other.rise_sd_m, _RISERS_APART_M)),
         yaw_rad=line.yaw_rad,
         yaw_sd_rad=line.yaw_sd_rad,
+        inferred=True,
     )
 
 

@@ -10,7 +10,8 @@ c, φ and the rise have a Kalman filter each. What frames have in common (the ma
 average out: it is added when an edge is told.
 
 At one place there is one edge: what is seen there is that edge, however high. A rise that contradicts the one known is
-left out, until as many frames in a row do as it takes to forget an edge; then it replaces it.
+left out, until as many frames in a row do as it takes to forget an edge; then it replaces it. A rise that is only
+inferred does not become surer, and what is measured replaces it.
 
 From afar treads are slivers that many frames do not show as surfaces. Where known edges, of rises r_k with variances
 P_k, all lie between two surfaces that follow one another in a frame, it measures their sum, s = Σ r_k + n, so that
@@ -57,6 +58,7 @@ class _Known:
     rise_m: float
     rise_var_m2: float
     bound_only: bool
+    inferred: bool
     seen: int = 1
     contradicted: int = 0
     otherwise: int = 0
@@ -75,6 +77,7 @@ class _Known:
             yaw_rad=yaw_rad,
             yaw_sd_rad=math.sqrt(self.phi_var_rad2),
             bound_only=self.bound_only,
+            inferred=self.inferred,
         )
 
 
@@ -151,7 +154,10 @@ class EdgeMemory:
         known.contradicted = 0
 
     def _fuse_rise(self, known: _Known, seen: _Known) -> None:
-        if seen.bound_only and not known.bound_only:
+        if (seen.bound_only and not known.bound_only) or (seen.inferred and not known.inferred):
+            return
+        if known.inferred:
+            known.rise_m, known.rise_var_m2, known.inferred = seen.rise_m, seen.rise_var_m2, seen.inferred
             return
         known.otherwise = 0 if _agree(known, seen) else known.otherwise + 1
         if known.otherwise == 0 and not known.bound_only:
@@ -198,6 +204,7 @@ class EdgeMemory:
             rise_m=edge.rise_m,
             rise_var_m2=edge.rise_sd_m**2,
             bound_only=edge.bound_only,
+            inferred=edge.inferred,
         )
 
     def _forget(self, heading_rad: float) -> None:

@@ -147,6 +147,16 @@ def test_a_sum_tells_nothing_of_a_bound() -> None:
     assert [edge.rise_m for edge in after] == [edge.rise_m for edge in before]
 
 
+def test_an_inferred_rise_becomes_no_surer_and_a_measured_one_replaces_it() -> None:
+    memory, inferred = EdgeMemory(), replace(RISER, rise_m=0.15, rise_sd_m=0.015, inferred=True)
+    (told,) = walked(memory, 20, inferred, speed_mps=0.0)
+    assert told.rise_sd_m > 0.0149
+    (told,) = walked(memory, 1, RISER, first=20, speed_mps=0.0)
+    assert (told.rise_m, told.inferred) == (RISER.rise_m, False)
+    (told,) = walked(memory, 3, inferred, first=21, speed_mps=0.0)
+    assert told.rise_m == RISER.rise_m
+
+
 def test_after_a_long_gap_nothing_is_remembered() -> None:
     memory = EdgeMemory()
     walked(memory, 5, RISER, speed_mps=0.0)
