@@ -74,6 +74,7 @@ def test_distances_jump_in_a_real_video_where_an_eye_slips_and_nowhere_else(slip
         odometer.prepare_next()
         jumps_px.append(odometer.jumps.newest_px)
         contradicts.append(odometer.jumps.contradict)
+        assert not odometer.torn.contradicts
     told = np.isfinite(jumps_px)
     assert len(told) == 326
     assert np.count_nonzero(told) > 310
