@@ -96,7 +96,7 @@ class AttitudeFilter:
 
     @property
     def foretold(self) -> MotionForetold | None:
-        """Return the motion over the ground that the camera should see next; None while the tilt is not known."""
+        """Return the motion over the ground that the camera should see next; None before the filter has begun."""
         return foretold(self._kalman, self._state)
 
     @property

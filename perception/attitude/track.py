@@ -119,8 +119,9 @@ class AttitudeTrack:
 
     @property
     def foretold(self) -> MotionForetold | None:
-        """Return the motion over the ground at the newest sample that the camera should see; None where unknown."""
-        return self._filter.foretold if self._filter.status is Status.VALID else None
+        """Return the motion over the ground at the newest sample that the camera should see; None where unknown. While
+        the tilt is unconfirmed, it tells the vertical alone."""
+        return self._filter.foretold if self._filter.reason in (Reason.NONE, Reason.UNCONFIRMED) else None
 
     @property
     def is_confirmed(self) -> bool:

@@ -20,12 +20,14 @@ from messages import (
     TerrainKind,
     UnitCalibration,
     full_matrix,
+    upper_triangle,
 )
 from messages.arrays import FloatArray
 from perception.attitude.history import AttitudeAt
 from perception.gait.landing import Landing, next_landing, off_edges
 from perception.gait.stance import GroundHeight, StanceGround
 from perception.gait.watch import GaitWatch
+from perception.ground.sole import about
 from perception.heading import heading
 from perception.terrain.path_ahead import MOST_TURNED, PathAhead
 
@@ -98,9 +100,12 @@ class Gait:
         edges: Sequence[TerrainEdge] = (),
     ) -> tuple[GroundPlane, float]:
         """Return `ground`, invalid where it is not that under the foot, and the bend beside it."""
+        bend = self._bend_under(landing, ground.t_exposure_ns, path)
         if landing is not None and not _is_under(ground, landing, path, kind, edges):
             ground = msgspec.structs.replace(ground, status=Status.INVALID)
-        return ground, self._bend_under(landing, ground.t_exposure_ns, path)
+        elif landing is not None and landing.ahead_m > ground.ahead_m + _BESIDE_M:
+            ground = _beyond(ground, path.hidden_bend(landing.ahead_m, landing.left_m))
+        return ground, bend
 
     def _bend_under(self, landing: Landing | None, t_ns: int, path: PathAhead) -> float:
         """Return the largest change of the slope that was seen beside the foothold of late: how near it is, no frame
@@ -124,6 +129,13 @@ def _is_under(
     if to_m - from_m < _BESIDE_M:
         return not path.ends_between(from_m, to_m, landing.left_m)
     return kind is not TerrainKind.ROUGH and path.is_one_surface(ground.ahead_m, landing.ahead_m, landing.left_m)
+
+
+def _beyond(ground: GroundPlane, bend: float) -> GroundPlane:
+    """Return a measured plane as it tells of ground beyond its region, before which the slope may change by `bend`."""
+    slope_cov = np.diag(np.square([0.5 * bend, 0.5 * MOST_TURNED * bend]))
+    covariance = full_matrix(ground.covariance) + about(ground.ahead_m, ground.left_m, slope_cov)
+    return msgspec.structs.replace(ground, covariance=upper_triangle(covariance))
 
 
 def _height_on(ground: GroundPlane, landing: Landing | None, level_m: float) -> GroundHeight | None:

@@ -125,6 +125,8 @@ class GroundEstimator:
         if aim.passed and v_C_W is not None:
             return self._carried(frame, R_HC, R_WH, rotation_cov_W_rad2, w_WB_B_radps, v_C_W, distance_scale)
         if aim.reason is not Reason.NONE:
+            if v_C_W is not None:
+                self._tracker.carry(t_ns, R_WH, v_C_W, attitude_cov_W)
             return self._invalid(frame, aim.reason)
         expected = self._tracker.predicted(t_ns, R_WH)
         w_WC_C_radps = self.R_BC.T @ np.array(w_WB_B_radps)
@@ -213,7 +215,7 @@ class GroundEstimator:
     ) -> GroundPlane:
         """Return the ground under a foothold that the picture does not show any more: as it was last seen."""
         t_ns = frame.header.t_exposure_ns
-        carried = self._tracker.carried(t_ns, R_WH, v_C_W_mps, _of_slopes(rotation_cov_W))
+        carried = self._tracker.carry(t_ns, R_WH, v_C_W_mps, _of_slopes(rotation_cov_W))
         if carried is None:
             return self._invalid(frame, Reason.FOOTHOLD_OUT_OF_VIEW)
         ground = self._valid(frame, *carried, R_HC, R_WH, rotation_cov_W, w_WB_B_radps, distance_scale)

@@ -9,7 +9,7 @@ from perception.ground.block_errors import covariance_of_sum
 from perception.ground.cells import RegionCells
 from perception.ground.plane import PlaneFit
 from perception.ground.region import FootholdRegion
-from perception.ground.sole import about_middle, sole_slope_cov
+from perception.ground.sole import about, sole_slope_cov
 
 
 def relief_cov(
@@ -47,7 +47,7 @@ def bumps_cov(
     on_plane = points_H[np.abs(misfit_px) < 3.0 * fit.noise_px]
     slopes = np.diag(sole_slope_cov(RegionCells(on_plane, region), fit.plane.rise_m(on_plane)))
     beyond = float((slopes - (_SLOPE_PER_NOISE * noise_m) ** 2).max())
-    return about_middle(region, max(0.0, beyond) * np.eye(2))
+    return about(region.ahead_m, region.left_m, max(0.0, beyond) * np.eye(2))
 
 
 def _step_variance_m2(rise_m: FloatArray, inlier: BoolArray, weight: FloatArray) -> float:

@@ -20,7 +20,7 @@ from messages.arrays import FloatArray
 from perception.ground.cells import CELL_M, RegionCells
 from perception.ground.plane import Plane, PlaneFit
 from perception.ground.region import FootholdRegion
-from perception.ground.sole import about_middle, sole_slope_cov
+from perception.ground.sole import about, sole_slope_cov
 
 
 def rough_plane(
@@ -61,7 +61,7 @@ def rough_plane(
     cov = np.linalg.inv(design.T @ design) * rough_m**2 * unseen * len(off_m) / bumps
     cov[2, 2] += rough_m**2
     to_abh = np.diag([1.0, 1.0, -1.0])  # h = −c
-    cov = to_abh @ cov @ to_abh + about_middle(region, sole_slope_cov(cells, all_off_m))
+    cov = to_abh @ cov @ to_abh + about(region.ahead_m, region.left_m, sole_slope_cov(cells, all_off_m))
     misfit_px = float(np.sqrt(np.mean((all_off_m * misfit_per_m) ** 2)))
     return PlaneFit(Plane((float(a), float(b)), float(-c)), cov, misfit_px, 1.0, rough_m)
 

@@ -14,7 +14,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from messages.arrays import FloatArray
 from perception.ground.cells import CELL_M, RegionCells
-from perception.ground.region import FootholdRegion
 
 
 def sole_slope_cov(cells: RegionCells, rise_m: FloatArray) -> FloatArray:
@@ -37,10 +36,9 @@ def sole_slope_cov(cells: RegionCells, rise_m: FloatArray) -> FloatArray:
     return cov
 
 
-def about_middle(region: FootholdRegion, slope_cov: FloatArray) -> FloatArray:
-    """Return the covariance (3, 3) of (a, b, h) of a plane whose slopes have `slope_cov` (2, 2) about the middle of
-    the region."""
-    tip = np.array([[1.0, 0.0, region.ahead_m], [0.0, 1.0, region.left_m]])
+def about(ahead_m: float, left_m: float, slope_cov: FloatArray) -> FloatArray:
+    """Return the covariance (3, 3) of (a, b, h) of a plane whose slopes have `slope_cov` (2, 2) about a place in H."""
+    tip = np.array([[1.0, 0.0, ahead_m], [0.0, 1.0, left_m]])
     cov: FloatArray = tip.T @ slope_cov @ tip
     return cov
 

@@ -8,7 +8,7 @@ import numpy as np
 from messages.arrays import FloatArray
 from perception.ground.plane import Plane
 from perception.ground.region import FootholdRegion
-from perception.ground.sole import about_middle
+from perception.ground.sole import about
 from perception.terrain.path_ahead import PathAhead
 from perception.terrain.surfaces import Surface
 
@@ -89,7 +89,8 @@ def apart_cov(plane: Plane, cov: FloatArray, region: FootholdRegion, path: PathA
     apart_var = to_place @ (cov + under[1]) @ to_place.T
     if apart @ np.linalg.solve(apart_var, apart) < _CONTRADICTS:
         return np.zeros((3, 3))
-    cov_apart: FloatArray = about_middle(region, apart[0] ** 2 * np.eye(2)) + np.diag([0.0, 0.0, apart[1] ** 2])
+    cov_apart = about(region.ahead_m, region.left_m, apart[0] ** 2 * np.eye(2))
+    cov_apart[2, 2] += apart[1] ** 2
     return cov_apart
 
 

@@ -88,13 +88,14 @@ class PlaneTracker:
         known = _Track(t_ns, turn @ plane.abh, turn @ cov @ turn.T, attitude_cov_W, t_ns, is_shown=False)
         self._track, self._candidate = known, None
 
-    def carried(
+    def carry(
         self, t_ns: int, R_WH: FloatArray, v_W_mps: FloatArray, attitude_cov_W: FloatArray
     ) -> tuple[Plane, FloatArray] | None:
-        """Return the plane in H that is not seen any more, and its covariance (a, b, h), without the attitude's.
+        """Go on to a frame that does not show the plane; return it in H, and its covariance (a, b, h), without the
+        attitude's.
 
-        The camera moves by `v_W_mps` (3,) since the track was last brought up to a frame. None without a track that was
-        seen within `longest_gap_s`.
+        The camera moves by `v_W_mps` (3,) since the track was last brought up to a frame: the velocity of a step, so
+        each frame has to be taken. None without a track that was seen within `longest_gap_s`.
         """
         track = self._track
         if track is None or self._is_too_old(track, t_ns):

@@ -75,13 +75,13 @@ class RecentSamples:
         """Return (1) from `margin_ns` before `t_ns`, its t = 0, to as long after `until_ns`; None where samples are
         missing. After the newest sample rate and specific force stay as they are.
 
-        Without anything foretold the velocity is `v_C_mps` (3,) throughout: the vertical is not known.
+        Where nothing but the vertical is foretold, the velocity is `v_C_mps` (3,) at t = 0, and without that throughout.
         """
         samples = self._around(t_ns - margin_ns, until_ns + margin_ns, until_ns)
         if samples is None:
             return None
         known = foretold if foretold is not None and samples[0][0] <= foretold.t_ns else None
-        at_rest = vec3.ZERO if known is None else known.w_at_rest_radps
+        at_rest = vec3.ZERO if known is None or known.covariance is None else known.w_at_rest_radps
         q = so3.IDENTITY
         quaternions = [q]
         for (before_ns, _, w_before), (after_ns, _, w_after) in pairwise(samples):
@@ -101,7 +101,11 @@ class RecentSamples:
         R_then = so3.matrix_from_quaternion(_at(sampled_s, turned, foretold_s))
         sf_B = np.array([sf for _, sf, _ in samples])
         acceleration = (R @ sf_B[:, :, None])[:, :, 0] - R_then @ known.sf_at_rest_mps2
-        velocity = R_then @ known.v_B_mps + _less_that_at(foretold_s, times_s, integral(times_s, acceleration))
+        gained = integral(times_s, acceleration)
+        if known.covariance is None:
+            way = integral(times_s, _less_that_at(0.0, times_s, gained) @ self._R_BC + v_C_mps)
+            return InnerMotion(times_s, R_C, p_C + _less_that_at(0.0, times_s, way), None, _TURNS_ONLY_NOISE)
+        velocity = R_then @ known.v_B_mps + _less_that_at(foretold_s, times_s, gained)
         p_C += _less_that_at(0.0, times_s, integral(times_s, velocity)) @ self._R_BC
         covariance = so3.pair_covariance_turned(self._R_BC.T @ R_then, known.covariance)
         return InnerMotion(times_s, R_C, p_C, covariance, np.zeros(6))

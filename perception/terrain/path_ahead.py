@@ -59,6 +59,16 @@ class PathAhead:
         u_m = x_m + left_m * math.tan(self.yaw_rad)
         return max((abs(change) for at_m, change in self._bends() if abs(at_m - u_m) < _BEND_REACH_M), default=0.0)
 
+    def hidden_bend(self, x_m: float, left_m: float) -> float:
+        """Return by how much the slope may change before a place and yet nobody see it, since the surface there is not
+        seen far beyond, (1) of `surfaces`; 0 where no surface is seen."""
+        u_m = x_m + left_m * math.tan(self.yaw_rad)
+        surface = self.surface_at(u_m)
+        if surface is None:
+            return 0.0
+        beyond_m = max(surface.to_m - u_m, _LEAST_BEYOND_M)
+        return _HIDDEN_BEND / beyond_m**1.5
+
     def _bends(self) -> list[tuple[float, float]]:
         """Return where along u the slope changes, and by how much."""
         if self.rough:
@@ -108,6 +118,9 @@ MOST_TURNED = 0.47
 _NEARLY_M = 0.06
 _BEND = 0.035
 _BEND_REACH_M = 0.3
+_HIDDEN_BEND, _LEAST_BEYOND_M = 0.016, 0.25
+"""A piece of a length L that slopes by β more leaves β² L³ / (3 b σ²) on the line before it, over bins b, and about a
+tenth of it on one line through both: what that has to exceed to be two surfaces gives β L^1.5, at σ 1.5 m ahead."""
 _BESIDE_END_M = 0.05
 _HALF_WIDTH_M = PathSettings.half_width_m
 """Of the profile, which shows a surface as far as any part of it reaches."""

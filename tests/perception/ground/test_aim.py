@@ -190,11 +190,11 @@ def test_a_track_goes_on_from_a_known_surface_and_is_carried_where_it_is_not_see
     assert predicted is not None
     assert predicted.height_m == pytest.approx(0.8)
     # the camera goes 0.1 m ahead over ground that rises by 0.01 m there, and 0.02 m up
-    carried = tracker.carried(100_000_000, level, np.array([1.0, 0.0, 0.2]), np.zeros((2, 2)))
+    carried = tracker.carry(100_000_000, level, np.array([1.0, 0.0, 0.2]), np.zeros((2, 2)))
     assert carried is not None
     assert carried[0].height_m == pytest.approx(0.81)
     assert carried[1][2, 2] > 1e-4
-    assert tracker.carried(900_000_000, level, np.zeros(3), np.zeros((2, 2))) is None
+    assert tracker.carry(900_000_000, level, np.zeros(3), np.zeros((2, 2))) is None
     tracker.forget()
     assert tracker.predicted(100_000_000, level) is None
 
@@ -203,7 +203,7 @@ def test_a_track_is_not_carried_for_longer_than_half_a_second_after_it_was_seen(
     tracker, level = PlaneTracker(TrackingSettings()), np.eye(3)
     tracker.begin(0, Plane((0.1, 0.0), 0.8), np.diag([1e-4, 1e-4, 1e-4]), level, np.zeros((2, 2)))
     times_ns = range(50_000_000, 800_000_000, 50_000_000)
-    carried = [t for t in times_ns if tracker.carried(t, level, np.zeros(3), np.zeros((2, 2))) is not None]
+    carried = [t for t in times_ns if tracker.carry(t, level, np.zeros(3), np.zeros((2, 2))) is not None]
     assert carried == list(range(50_000_000, 550_000_000, 50_000_000))
     assert tracker.predicted(600_000_000, level) is None
 

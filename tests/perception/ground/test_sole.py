@@ -13,7 +13,7 @@ from perception.ground.cells import RegionCells
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane, PlaneFit
 from perception.ground.relief import bumps_cov
-from perception.ground.sole import SOLE_M, about_middle, sole_slope_cov
+from perception.ground.sole import SOLE_M, about, sole_slope_cov
 from sim_rig.walk.terrain_walks import STANDING_S, terrain_walk
 from sim_rig.wearer import SimulatedWearer
 
@@ -50,7 +50,7 @@ def test_a_plane_slopes_no_sole_and_neither_does_what_is_seen_of_no_whole_sole()
 
 
 def test_slopes_tip_the_plane_about_the_middle_of_the_region() -> None:
-    cov = about_middle(REGION, np.diag([0.01, 0.02]))
+    cov = about(REGION.ahead_m, REGION.left_m, np.diag([0.01, 0.02]))
     middle = np.array([-REGION.ahead_m, -REGION.left_m, 1.0])
     assert middle @ cov @ middle == pytest.approx(0.0, abs=1e-12)
     assert np.diag(cov)[:2] == pytest.approx([0.01, 0.02])

@@ -186,7 +186,7 @@ def test_a_plane_known_from_elsewhere_is_as_unsure_as_its_only_picture_differs_f
     _, cov = known(told(tracker, FRAME_NS, steep))
     assert cov[0, 0] > 0.07**2
     for k in (2, 9):
-        _, carried_cov = known(tracker.carried(k * FRAME_NS, LEVEL, np.zeros(3), SURE))
+        _, carried_cov = known(tracker.carry(k * FRAME_NS, LEVEL, np.zeros(3), SURE))
         assert carried_cov[0, 0] > 0.07**2
     _, cov = known(told(tracker, 10 * FRAME_NS, steep))
     assert cov[0, 0] < 0.02**2
@@ -195,5 +195,5 @@ def test_a_plane_known_from_elsewhere_is_as_unsure_as_its_only_picture_differs_f
 def test_a_plane_that_pictures_have_shown_is_carried_as_surely() -> None:
     tracker = on_level_ground(40)
     _, cov = known(told(tracker, 40 * FRAME_NS, seen(0.02, 0.0, 0.95)))
-    _, carried_cov = known(tracker.carried(41 * FRAME_NS, LEVEL, np.zeros(3), SURE))
+    _, carried_cov = known(tracker.carry(41 * FRAME_NS, LEVEL, np.zeros(3), SURE))
     assert carried_cov[0, 0] < cov[0, 0]
