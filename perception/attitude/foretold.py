@@ -18,8 +18,8 @@ class MotionForetold:
 
     `v_B_mps` is its velocity. At rest on that ground the IMU would measure the rate `w_at_rest_radps`, its bias and how
     the ground turns, and the specific force `sf_at_rest_mps2`, its bias, gravity and how the ground accelerates.
-    `covariance` (6, 6) is that of the rate at rest and of the velocity; None where nobody watches these, and the vertical
-    alone is worth something: it tells what of the specific force is gravity.
+    `covariance` (6, 6) is that of the rate at rest and of the velocity; None where nothing bounds these; then the
+    vertical alone is worth something: it tells what of the specific force is gravity.
     """
 
     t_ns: int

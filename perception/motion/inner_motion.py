@@ -75,7 +75,7 @@ class RecentSamples:
         """Return (1) from `margin_ns` before `t_ns`, its t = 0, to as long after `until_ns`; None where samples are
         missing. After the newest sample rate and specific force stay as they are.
 
-        Where nothing but the vertical is foretold, the velocity is `v_C_mps` (3,) at t = 0, and without that throughout.
+        Where only the vertical is foretold, the velocity is `v_C_mps` (3,) at t = 0; where nothing is, throughout.
         """
         samples = self._around(t_ns - margin_ns, until_ns + margin_ns, until_ns)
         if samples is None:

@@ -60,3 +60,17 @@ def test_no_height_is_told_beyond_the_end_of_a_surface() -> None:
     for ahead_m, known in ((0.78, True), (0.82, False)):
         told = gait().foothold(landing_at(ahead_m), ground_at(0, ahead_m=0.7), path, TerrainKind.LEVEL)
         assert math.isfinite(told.height_m) is known
+
+
+def test_beyond_the_region_what_slope_nobody_could_see_yet_is_stated() -> None:
+    path = PathAhead(surfaces=(replace(LEVEL, from_m=0.3),))
+    stated = []
+    for ahead_m in (0.94, 1.2, 1.6):
+        terrain = gait().with_foothold(told_terrain(TerrainKind.LEVEL, ()), landing_at(ahead_m), ground_at(0), path)
+        foothold = terrain.foothold
+        stated.append((foothold.slope_sagittal_sd_rad, foothold.slope_frontal_sd_rad, foothold.rise_sd_m))
+    assert stated[0][0] < 1e-3
+    for ahead_m, (along, across, _) in zip((1.2, 1.6), stated[1:], strict=True):
+        assert along == pytest.approx(0.5 * path.hidden_bend(ahead_m, 0.0), rel=0.01)
+        assert across < 0.5 * along
+    assert stated[2][0] > 2.0 * stated[1][0] > 4e-3

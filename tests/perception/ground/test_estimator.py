@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from unittest.mock import MagicMock
 
 import cv2
 import msgspec
@@ -15,6 +16,7 @@ from perception.depth.disparity import OutOfRangeError
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
 from perception.depth.rectify import Rectifier, Window
 from perception.depth.stereo_camera import view_of
+from perception.ground.aim import Aim
 from perception.ground.estimator import GroundEstimator
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane
@@ -314,6 +316,22 @@ def test_on_a_floor_that_repeats_the_path_tells_nothing_of_ground_out_of_view(
         assert (ground.status, ground.reason) == (Status.INVALID, Reason.FOOTHOLD_OUT_OF_VIEW)
     else:
         assert ground.height_m == pytest.approx(1.6)
+
+
+def test_a_plane_that_is_out_of_view_goes_on_with_every_step_of_the_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    wearer = SimulatedWearer(16, scenario("standing"), START_NS, perfect_calibration=True)
+    estimator, cov, rest = GroundEstimator(wearer.calibration, FootholdSettings()), np.zeros((3, 3)), (0.0, 0.0, 0.0)
+    frames = [frame for frame, _ in wearer.frames(7, first=20)]
+    R_WB = wearer.gait.at(np.array([frames[0].header.t_exposure_ns])).R_WB[0]
+    told = list[GroundPlane]()
+    for k, frame in enumerate(frames):
+        if k >= 2:  # the foot lands where the picture does not reach; in the last frame, what is there has been passed
+            out_of_view = Aim(FootholdSettings().region, Reason.FOOTHOLD_OUT_OF_VIEW, passed=k == 6)
+            monkeypatch.setattr("perception.ground.estimator.aimed", MagicMock(return_value=out_of_view))
+        falls_mps = (0.0, 0.0, -0.8) if 2 <= k < 5 else rest
+        told.append(estimator.estimate(frame, R_WB, rest, cov, v_W_mps=falls_mps))
+    assert [ground.status is Status.VALID for ground in told] == [False, True, False, False, False, False, True]
+    assert told[6].height_m == pytest.approx(told[1].height_m - 3 * 0.05 * 0.8, abs=0.001)
 
 
 def test_on_a_poured_floor_the_ground_goes_on_where_matches_scatter() -> None:

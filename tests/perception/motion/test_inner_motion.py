@@ -1,5 +1,7 @@
 """The motion within a step: from the samples of a simulated walk, against its truth; none where samples are missing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,6 +73,23 @@ def test_what_nothing_foretells_is_a_velocity_and_how_far_that_is_off_is_stated(
     true_R, _ = true_motion(walk, np.array([0.05]))
     assert np.linalg.norm(so3.log(R[0].T @ true_R[0])) < np.radians(0.2)  # the bias among it
     assert np.linalg.norm(p_m[0] - np.array([0.005, 0.01, 0.015])) < 0.01  # the lever's turn among it
+
+
+def test_the_vertical_alone_tells_how_the_velocity_changes_within_the_step(walk: Gait) -> None:
+    newest_ns = AFTER_NS + 22_000_000
+    samples, times_s = samples_until(walk, newest_ns), np.linspace(-0.008, 0.058, 34)
+    truth = walk.at(np.array([BEFORE_NS]))
+    v_C = R_BC.T @ truth.R_WB[0].T @ truth.v_WB_mps[0]
+    _, true_p_m = true_motion(walk, times_s)
+    off_m = []
+    for told in (None, replace(foretold(walk, newest_ns), covariance=None)):
+        inner = samples.inner_motion(BEFORE_NS, AFTER_NS, MARGIN_NS, told, v_C)
+        assert inner is not None
+        assert inner.foretold is None
+        assert (inner.noise > 0.0).all()
+        off_m.append(float(np.abs(inner.at(times_s)[1] - true_p_m).max()))
+    assert off_m[1] < 0.001
+    assert off_m[0] > 3.0 * off_m[1]
 
 
 def test_rows_after_the_newest_sample_go_on_at_its_rate(walk: Gait) -> None:
