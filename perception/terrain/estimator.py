@@ -152,17 +152,18 @@ class TerrainEstimator:
             points, self.surfaces, self._roughness.rough_m, self._path.half_width_m, self._scatter.of_stated
         )
         self._roughness.add(points.where(~on_thing), profile, surfaces, yaw_rad)
-        found = find_edges(surfaces, points, yaw_rad)
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
+        known = self._memory.expected(frame.header.t_exposure_ns, v_C_W[:2], heading_rad)
+        found = find_edges(surfaces, points, yaw_rad, known)
         edges = self._memory.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, found, surfaces)
         obstacles = self._obstacles.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, things)
-        known = self._known_surfaces(frame.header.t_exposure_ns, v_C_W, R_WH, surfaces)
-        before = known[: len(known) - len(surfaces)]
+        shown = self._known_surfaces(frame.header.t_exposure_ns, v_C_W, R_WH, surfaces)
+        before = shown[: len(shown) - len(surfaces)]
         self._seen = _Seen(frame.header.t_exposure_ns, v_C_W, surfaces, before, yaw_rad)
         self._follow_height(surfaces)
         if not surfaces:
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.LOW_TEXTURE)
-        kind, probability = kind_of(known, edges, self._roughness.rough_m)
+        kind, probability = kind_of(shown, edges, self._roughness.rough_m)
         return Terrain(
             t_exposure_ns=frame.header.t_exposure_ns,
             frame_seq=frame.header.seq,

@@ -67,7 +67,7 @@ class PathAhead:
         if surface is None:
             return 0.0
         beyond_m = max(surface.to_m - u_m, _LEAST_BEYOND_M)
-        return _HIDDEN_BEND / beyond_m**1.5
+        return _HIDDEN_BEND / (beyond_m * math.sqrt(beyond_m))
 
     def _bends(self) -> list[tuple[float, float]]:
         """Return where along u the slope changes, and by how much."""
