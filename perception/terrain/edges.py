@@ -49,9 +49,7 @@ class Edge:
     inferred: bool = False
 
 
-def find_edges(
-    surfaces: list[Surface], points: PathPoints, yaw_rad: float, known: Sequence[Edge] = ()
-) -> list[Edge]:
+def find_edges(surfaces: list[Surface], points: PathPoints, yaw_rad: float, known: Sequence[Edge] = ()) -> list[Edge]:
     """Return the edges between `surfaces` that follow one another on the profile along `yaw_rad`, and the next riser of
     a flight of which these show, or frames before showed as `known`, two."""
     edges: list[Edge | None] = []

@@ -35,6 +35,7 @@ from perception.terrain.path_points import find_points
 from perception.terrain.profile import profile_of
 from perception.terrain.roughness import Roughness
 from perception.terrain.surfaces import PathSurfaces, Surface, find_surfaces
+from perception.terrain.waves import Waves
 
 
 class TerrainEstimator:
@@ -68,6 +69,7 @@ class TerrainEstimator:
         self._memory = EdgeMemory()
         self._obstacles = ObstacleMemory(self._path.half_width_m)
         self._roughness = Roughness()
+        self._waves = Waves()
         self._near = NearGround()
         self._scatter = Scatter()
         self.surfaces = PathSurfaces((), 0.0)
@@ -163,7 +165,7 @@ class TerrainEstimator:
         self._follow_height(surfaces)
         if not surfaces:
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.LOW_TEXTURE)
-        kind, probability = kind_of(shown, edges, self._roughness.rough_m)
+        kind, probability = kind_of(shown, edges, self._roughness.rough_m, wavy=self._waves.wavy)
         return Terrain(
             t_exposure_ns=frame.header.t_exposure_ns,
             frame_seq=frame.header.seq,
@@ -196,8 +198,12 @@ class TerrainEstimator:
         """Return the `surfaces` of a frame, and nearer than these what earlier frames saw."""
         if self._seen is None or not self._seen.lasts(t_ns):
             self._near.clear()
-            return self._near.update(t_ns, 0.0, 0.0, surfaces)
-        return self._near.update(t_ns, *self._seen.ahead_and_up_m(t_ns, v_C_W_mps, R_WH), surfaces)
+            self._waves.clear()
+            ahead_m, up_m = 0.0, 0.0
+        else:
+            ahead_m, up_m = self._seen.ahead_and_up_m(t_ns, v_C_W_mps, R_WH)
+        self._waves.add(ahead_m, surfaces)
+        return self._near.update(t_ns, ahead_m, up_m, surfaces)
 
     def _told(self, edge: Edge, too_long: float) -> TerrainEdge:
         """Return an edge with its lengths corrected for distances that are `too_long` times as long as true ones."""
