@@ -1,7 +1,7 @@
 """Whether the ground rises and falls by turns, as over bumps that are as wide as the path and no rougher across it.
 
 Cells along the way keep which way the ground was last seen to slope there. Where it turns twice, up, down and up again
-or the other way, within what lies a little behind and ahead, that is no ramp, nor a speed bump; the ground is taken to go
+or the other way, within what lies a little behind and ahead, that is no ramp, nor a speed bump; it is taken to go
 on so for a while.
 """
 
