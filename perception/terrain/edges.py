@@ -135,7 +135,7 @@ def _next_riser(tread: Surface, flight: Sequence[Edge], points: PathPoints, yaw_
     its face is seen and what lies on top of it is above the picture: as high as the riser before, about."""
     one, other = flight
     tread_m = other.distance_m - one.distance_m
-    if min(one.rise_m, other.rise_m) < LEAST_RISE_M or abs(one.rise_m - other.rise_m) > _RISERS_APART_M:
+    if min(one.rise_m, other.rise_m) < LEAST_RISE_M or abs(one.rise_m - other.rise_m) > RISERS_APART_M:
         return None
     if not other.distance_m - _FACE_REACH_M < tread.from_m < other.distance_m + 0.5 * tread_m < tread.to_m:
         return None
@@ -149,7 +149,7 @@ def _next_riser(tread: Surface, flight: Sequence[Edge], points: PathPoints, yaw_
         distance_m=line.distance_m,
         distance_sd_m=line.distance_sd_m,
         rise_m=other.rise_m,
-        rise_sd_m=float(np.hypot(other.rise_sd_m, _RISERS_APART_M)),
+        rise_sd_m=float(np.hypot(other.rise_sd_m, RISERS_APART_M)),
         yaw_rad=line.yaw_rad,
         yaw_sd_rad=line.yaw_sd_rad,
         inferred=True,
@@ -263,8 +263,12 @@ OFFSET_PX = 0.15
 pairs of 63 and 120 mm are off by 0.15 to 0.25 px from 1.1 to 2.5 m."""
 LEAST_RISE_M = 0.04
 LEAST_TREAD_M = 0.22
+FLIGHT_M = 0.5
+"""Edges one way that are nearer to each other than this are a flight of stairs."""
 NO_TREAD_M = 0.15
 """Two edges that are nearer to each other have no tread between them."""
+RISERS_APART_M = 0.015
+"""Of one flight: what building codes allow."""
 SLOPE_APART = 0.02
 _LEAST_TREADS = 2
 """Of a flight, alike, that tell how long its next one is."""
@@ -275,8 +279,6 @@ _DOUBTFUL = 0.05  # of the distance: so much behind a lip may be seen and not ma
 _FACE_REACH_M = 0.06
 _LEAST_FACE_M = 0.25
 """Of its width: half of the path's. What stands on a tread is narrower."""
-_RISERS_APART_M = 0.015
-"""Of one flight: what building codes allow."""
 _LIP_REACH_M = 0.08
 _LIP_HEIGHT_M = 0.02
 _FROM_SHADOW_M = 0.08

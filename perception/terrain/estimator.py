@@ -24,6 +24,7 @@ from perception import so3
 from perception.depth.disparity import DisparityCamera
 from perception.heading import heading
 from perception.terrain.edges import Edge, common_sd_m, find_edges
+from perception.terrain.flight import drops_alike
 from perception.terrain.kinds import FROM_M, ROUGH_M, higher_than_bumps, kind_of
 from perception.terrain.memory import EdgeMemory
 from perception.terrain.near_ground import NearGround
@@ -165,6 +166,7 @@ class TerrainEstimator:
         self._follow_height(surfaces)
         if not surfaces:
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.LOW_TEXTURE)
+        fB_px_m = self._camera.f_px * self._camera.baseline_m
         kind, probability = kind_of(shown, edges, self._roughness.rough_m, wavy=self._waves.wavy)
         return Terrain(
             t_exposure_ns=frame.header.t_exposure_ns,
@@ -173,7 +175,7 @@ class TerrainEstimator:
             reason=Reason.NONE,
             kind=kind,
             probability=probability,
-            edges=tuple(self._told(edge, 1.0 + distance_scale) for edge in edges),
+            edges=tuple(self._told(edge, 1.0 + distance_scale) for edge in drops_alike(edges, self._height_m, fB_px_m)),
             obstacles=tuple(_obstacle(each, 1.0 + distance_scale) for each in obstacles),
             foothold=NextFoothold.unknown(self.side),
             calibration_id=self._calibration_id,

@@ -7,15 +7,13 @@ from itertools import pairwise
 import numpy as np
 
 from messages import TerrainKind
-from perception.terrain.edges import Edge
+from perception.terrain.edges import FLIGHT_M, Edge
 from perception.terrain.surfaces import Surface
 
 FROM_M, TO_M = 0.3, 1.0
 """Of the path ahead, this part tells the kind."""
 BESIDE_EDGE_M = 0.35
 """So far from an edge the ground is that of a step, or of a flight."""
-FLIGHT_M = 0.5
-"""Edges one way that are nearer to each other than this are a flight of stairs."""
 RAMP_RAD = math.radians(1.5)
 ROUGH_M = 0.0024
 """Ground that varies by more across the path, one σ, is rough (`roughness`)."""
