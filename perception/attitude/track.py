@@ -13,12 +13,10 @@ from messages import (
     Reason,
     Status,
     UnitCalibration,
-    Vec3,
     upper_triangle,
     vec3,
 )
 from messages.arrays import FloatArray
-from perception import so3
 from perception.attitude.agreement import Advice, Agreement, Innovation
 from perception.attitude.camera_step import DOUBTFUL_RADPS, CameraStep
 from perception.attitude.causes import doubt_distances
@@ -31,6 +29,7 @@ from perception.attitude.learnt import SensorLearning
 from perception.attitude.movement import Movement
 from perception.attitude.past_samples import PastSamples
 from perception.attitude.path_length import PathLength, Travel
+from perception.attitude.retrospect import Retrospect
 from perception.attitude.sensor_errors import MountingErrors, SensorErrors
 from perception.attitude.state import Sample
 from perception.vec3 import minus
@@ -53,7 +52,7 @@ class AttitudeTrack:
         self._filter = AttitudeFilter(settings or AttitudeSettings(), calibration.residual)
         self._history = AttitudeHistory(length_s=_HISTORY_S)
         self._longest_step_ns = round(1e9 * self._filter.settings.gap_s)
-        self._before_start: deque[tuple[int, Vec3]] = deque(maxlen=_MOST_BEFORE_START)
+        self._before_start = Retrospect(self._longest_step_ns)
         self._newest_ns: int | None = None
         self._step_end: AttitudeState | None = None
         self._trial: AttitudeState | None = None
@@ -105,16 +104,15 @@ class AttitudeTrack:
         self._samples.append(calibrated)
         rotation_cov_W = self._filter.rotation_cov_W
         if self._filter.has_begun:
-            if self._before_start:
-                self._add_attitudes_before_start(sample.t_sample_ns, rotation_cov_W)
+            start = sample.t_sample_ns, self._filter.q_WB, self._filter.gyro_bias, rotation_cov_W
+            for attitude in self._before_start.take(*start):
+                self._history.append(attitude)
             self._history.append(self._attitude_at(sample.t_sample_ns))
         else:
             self._step_end = None
             # a new start has a new yaw: nothing of the track before it may be mixed with what follows
             self._history.clear()
-            if self._before_start and sample.t_sample_ns - self._before_start[-1][0] > self._longest_step_ns:
-                self._before_start.clear()
-            self._before_start.append((sample.t_sample_ns, w_B_radps))
+            self._before_start.add(sample.t_sample_ns, w_B_radps)
         return self._message(sample.t_sample_ns, rotation_cov_W)
 
     @property
@@ -355,20 +353,6 @@ class AttitudeTrack:
         covariance = self._filter.movement_covariance
         return upper_triangle(covariance[3:6, 3:6]), float(covariance[8, 8])
 
-    def _add_attitudes_before_start(self, t_ns: int, rotation_cov_W: FloatArray) -> None:
-        """Integrate backwards from the first attitude, R(t − dt) = R(t) exp(−w dt), and put the result in order."""
-        q_WB, bias = self._filter.q_WB, self._filter.gyro_bias
-        past: list[AttitudeAt] = []
-        for t_before_ns, measured in reversed(self._before_start):
-            w_B = vec3(np.subtract(measured, bias))
-            dt_s = (t_ns - t_before_ns) * 1e-9
-            q_WB = so3.positive(so3.multiply(q_WB, so3.quaternion_from_rotvec(vec3(np.multiply(w_B, -dt_s)))))
-            past.append(AttitudeAt(t_before_ns, q_WB, w_B, 0.0, rotation_cov_W))
-            t_ns = t_before_ns
-        for attitude in reversed(past):
-            self._history.append(attitude)
-        self._before_start.clear()
-
     def movement_at(self, attitude: AttitudeAt) -> Movement | None:
         """Return how the IMU moves where it has this attitude of the last moments; None where the camera sees nothing.
 
@@ -409,7 +393,6 @@ class AttitudeTrack:
         )
 
 
-_MOST_BEFORE_START = 1024
 _HISTORY_S = 2.0
 _CHECKPOINT_EVERY_S = 2.0
 _WATCHED_S = 0.15
