@@ -82,8 +82,9 @@ def _weighted(gram: FloatArray, bent: int, penalty: float) -> FloatArray:
 def _solved(gram: FloatArray, score: FloatArray, at: FloatArray, bent: int, penalty: float) -> FloatArray:
     """Return the step that minimises (1), `at` being where the parameters are."""
     bending = _weighted(gram, bent, penalty)
-    size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-    whole = (gram + bending) / np.outer(size, size)
+    whole = gram + bending
+    size = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny))
+    whole /= np.outer(size, size)
     whole[np.diag_indices(len(size))] += _RIDGE
     step: FloatArray = np.linalg.solve(whole, (score - bending @ at) / size) / size
     return step

@@ -18,6 +18,8 @@ _RIDGE = 1e-9
 """Of each column's power: columns that say the same share one weight."""
 _RIDGES = (_RIDGE, 1e-6, 1e-4, 1e-2)
 """Likewise: the stronger ones are for libraries with more columns than the recording has independent samples."""
+_LAST_DIGITS = 1e-9
+"""Of the largest column: one that changes no more than that is what rounding leaves of parameters without influence."""
 _FAR_LESS = 0.3
 """Of the power left out of sample with the weakest: where a stronger leaves that little, that one explains anything."""
 _PARTS = 5
@@ -153,27 +155,36 @@ def noise_beneath(problem: Problem, residual: FloatArray, columns: FloatArray, r
 def _held_down(stack: FloatArray, e: FloatArray, n: int) -> float:
     """Return the ridge under which columns (m, c · n) explain a residual (c · n,) out of sample: the weakest one, but
     for a stronger that leaves far less.
+
+    Each is a share of a column's power in the whole recording, so that one which moves nothing outside a part, but for
+    last digits, is held down there and does not explode in it.
     """
     m = len(stack)
     edges = np.linspace(0, n, _PARTS + 1).astype(int)
     shaped, left = stack.reshape(m, -1, n), e.reshape(-1, n)
     parts = [(shaped[:, :, a:b].reshape(m, -1), left[:, a:b].reshape(-1)) for a, b in pairwise(edges)]
     grams, scores = np.stack([x @ x.T for x, _ in parts]), np.stack([x @ y for x, y in parts])
+    whole = np.diag(grams.sum(axis=0))
     power = [0.0] * len(_RIDGES)
     for row, (x, y) in enumerate(parts):
         gram, score = (np.delete(each, row, axis=0).sum(axis=0) for each in (grams, scores))
         for place, share in enumerate(_RIDGES):
-            power[place] += float(np.sum((y - ridge(gram, score, share) @ x) ** 2))
+            power[place] += float(np.sum((y - ridge(gram, score, share, whole) @ x) ** 2))
     best = int(np.argmin(power))
     return _RIDGES[best] if power[best] < _FAR_LESS * power[0] else _RIDGES[0]
 
 
-def ridge(gram: FloatArray, score: FloatArray, share: float = _RIDGE) -> FloatArray:
+def ridge(
+    gram: FloatArray, score: FloatArray, share: float = _RIDGE, power: FloatArray | None = None
+) -> FloatArray:
     """Return the least-squares weights for products (m, m) and score (m,), columns that say the same sharing; with a
-    larger `share` of each column's power held down.
+    larger `share` of each column's `power` (m,), that of the products unless told, held down. A column of last digits
+    has none.
     """
-    size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-    scaled = gram / np.outer(size, size)
-    scaled[np.diag_indices(len(size))] += share
-    weights: FloatArray = np.linalg.solve(scaled, score / size) / size
+    size = np.sqrt(np.diag(gram) if power is None else power)
+    felt = size > _LAST_DIGITS * size.max(initial=0.0)
+    scaled = gram[np.ix_(felt, felt)] / np.outer(size[felt], size[felt])
+    scaled[np.diag_indices(len(scaled))] += share
+    weights = np.zeros(len(size))
+    weights[felt] = np.linalg.solve(scaled, score[felt] / size[felt]) / size[felt]
     return weights

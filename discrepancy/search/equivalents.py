@@ -39,12 +39,12 @@ def equivalents(
 
 def better(search: Search, best: Fit, causes: tuple[Candidate, ...]) -> tuple[Fit, tuple[Candidate, ...]] | None:
     """Return the causes with one of them replaced by the rival that fits better by more than `SAME_CHI2` and the price
-    of its parameters, the best one; None if there is none.
+    of its parameters, and under the noise that each leaves too, the best one; None if there is none.
     """
     best = search.rated(best)
     found = [
         (fit, tuple(candidate if k == place else each for k, each in enumerate(causes)))
         for place, candidate, fit in search.rivals(best, causes, _TRIED)
-        if best.chi2 - fit.chi2 > SAME_CHI2 and cost(best) - cost(fit) > SAME_CHI2
+        if min(best.chi2 - fit.chi2, cost(best) - cost(fit)) > SAME_CHI2 and search.refits.outdoes(fit, best)
     ]
     return min(found, key=lambda each: cost(each[0])) if found else None

@@ -253,6 +253,13 @@ class Refits:
         """Return −2 log likelihood of a fit under the noise that its own residual tells."""
         return deviance(self._problem, fit)
 
+    def outdoes(self, fit: Fit, than: Fit) -> bool:
+        """Return whether a fit is better than another, beside the price of each, under the present whitening and where
+        each has its own noise: a whitening that is neither's weighs slow misfit by what neither leaves.
+        """
+        penalised = [self.deviance(each) + price(each.keys) for each in (fit, than)]
+        return cost(fit) < cost(than) and penalised[0] < penalised[1]
+
     def unlike_all(self, fits: Iterable[Fit]) -> bool:
         """Return whether the noise whitened by is unlike what each of the fits leaves, and so tells none better."""
         return all(fit.chi2 > _UNLIKE * self.white.count for fit in fits)

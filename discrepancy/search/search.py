@@ -267,7 +267,7 @@ class Search:
         begun = causes
         for place, candidate, fit in self.rivals(best, begun, _SWAPS):
             swapped = tuple(candidate if k == place else each for k, each in enumerate(begun))
-            if cost(fit) < cost(best) and not self.refits.cancel(fit, swapped):
+            if self.refits.outdoes(fit, best) and not self.refits.cancel(fit, swapped):
                 best, causes = fit, swapped
         return best, causes
 

@@ -38,3 +38,6 @@ def test_a_noise_that_is_of_no_fit_is_told_and_each_fit_has_the_likelihood_of_it
     assert refits.unlike_all([wanders, scatters])
     assert not refits.unlike_all([wanders, _leaving(problem, refits, beneath)])
     assert refits.deviance(scatters) < refits.deviance(wanders)
+    assert not refits.outdoes(wanders, scatters)  # better under a noise that is of neither
+    refits.white = problem.whitening(scatters.residual)
+    assert refits.outdoes(*map(refits.rated, (scatters, wanders)))
