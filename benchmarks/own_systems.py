@@ -14,55 +14,14 @@ from pathlib import Path
 import numpy as np
 
 import gaiteyes
+from lab.evaluation.measured.cascaded_tanks import tanks
 from lab.evaluation.measured.data_folder import data_folder
 from lab.evaluation.measured.emps import emps, residual_force
 
-_TANK_STEP_S = 4.0
 _FITTED = 0.6
 """Of a log of the actuator."""
 _MOST_TORQUE_NM = 25.0
 """More than an AK80-9 gives in any moment."""
-
-TANKS = tuple(
-    gaiteyes.Port(name, "V/s", f"the {name} tank", (gaiteyes.Signal("level", "V", "level"),))
-    for name in ("upper", "lower")
-)
-
-
-def levels(
-    state: gaiteyes.Rows, inputs: gaiteyes.Rows, values: gaiteyes.Arrays, act: gaiteyes.Act
-) -> tuple[gaiteyes.FloatArray, ...]:
-    upper, lower = state
-    (pump,) = inputs
-    between = values["upper_outlet"] * np.sqrt(np.maximum(upper, 0.0))
-    out = values["lower_outlet"] * np.sqrt(np.maximum(lower, 0.0))
-    return (
-        values["pump"] * pump - between + act("upper", upper),
-        between - out + act("lower", lower),
-    )
-
-
-def tanks(path: Path, which: str) -> gaiteyes.PortedSimulation:
-    table = gaiteyes.Table.load(path)
-    pump, level = table[f"u{which}"], table[f"y{which}"]
-    t_s = np.arange(len(pump), dtype=np.float64) * _TANK_STEP_S
-    return gaiteyes.PortedSimulation(
-        "cascaded_tanks",
-        gaiteyes.Channels(t_s, level[:, None], ("level_V",), pump[:, None], ("pump_V",)),
-        gaiteyes.Ode(
-            start=lambda values: (values["upper_begun"], values["lower_begun"]), derivative=levels, output=(1,)
-        ),
-        TANKS,
-        (
-            *(
-                gaiteyes.Parameter(name, "1/s", neutral=0.05, low=1e-3, high=0.5, scale=1e-4)
-                for name in ("pump", "upper_outlet", "lower_outlet")
-            ),
-            gaiteyes.Parameter("upper_begun", "V", neutral=5.0, low=0.0, high=15.0, scale=0.05),
-            gaiteyes.Parameter("lower_begun", "V", neutral=5.0, low=0.0, high=15.0, scale=0.05),
-        ),
-    )
-
 
 GEAR = gaiteyes.Port("gear", "N m", "the gear", (gaiteyes.Signal("speed", "rad/s", "velocity"),))
 

@@ -174,9 +174,7 @@ def _held_down(stack: FloatArray, e: FloatArray, n: int) -> float:
     return _RIDGES[best] if power[best] < _FAR_LESS * power[0] else _RIDGES[0]
 
 
-def ridge(
-    gram: FloatArray, score: FloatArray, share: float = _RIDGE, power: FloatArray | None = None
-) -> FloatArray:
+def ridge(gram: FloatArray, score: FloatArray, share: float = _RIDGE, power: FloatArray | None = None) -> FloatArray:
     """Return the least-squares weights for products (m, m) and score (m,), columns that say the same sharing; with a
     larger `share` of each column's `power` (m,), that of the products unless told, held down. A column of last digits
     has none.
