@@ -132,8 +132,9 @@ def _is_under(
 
 
 def _beyond(ground: GroundPlane, bend: float) -> GroundPlane:
-    """Return a measured plane as it tells of ground beyond its region, before which the slope may change by `bend`."""
-    slope_cov = np.diag(np.square([0.5 * bend, 0.5 * MOST_TURNED * bend]))
+    """Return a measured plane as it tells of ground beyond its region, before which the slope may change by `bend`,
+    along or across: nothing tells how a bend that nobody sees is turned."""
+    slope_cov = (0.5 * bend) ** 2 * np.eye(2)
     covariance = full_matrix(ground.covariance) + about(ground.ahead_m, ground.left_m, slope_cov)
     return msgspec.structs.replace(ground, covariance=upper_triangle(covariance))
 

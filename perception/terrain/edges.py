@@ -49,9 +49,8 @@ class Edge:
     inferred: bool = False
 
 
-def find_edges(surfaces: list[Surface], points: PathPoints, yaw_rad: float, known: Sequence[Edge] = ()) -> list[Edge]:
-    """Return the edges between `surfaces` that follow one another on the profile along `yaw_rad`, and the next riser of
-    a flight of which these show, or frames before showed as `known`, two."""
+def find_edges(surfaces: list[Surface], points: PathPoints, yaw_rad: float) -> list[Edge]:
+    """Return the edges between `surfaces` that follow one another on the profile along `yaw_rad`."""
     edges: list[Edge | None] = []
     lips_m: list[float] = []  # of the flight so far
     parallel = side_by_side(surfaces)
@@ -63,21 +62,8 @@ def find_edges(surfaces: list[Surface], points: PathPoints, yaw_rad: float, know
         elif lips_m:
             edges.append(_falling(before, after, points, yaw_rad, _least_tread_m(lips_m)))
     found = [edge for edge in edges if edge is not None]
-    flight = _flight_before(parallel[-1], found, known) if parallel else []
-    higher = _next_riser(parallel[-1], flight, points, yaw_rad) if len(flight) == _LEAST_TREADS else None
+    higher = _next_riser(parallel[-1], found[-2:], points, yaw_rad) if len(found) >= _LEAST_TREADS else None
     return found if higher is None else [*found, higher]
-
-
-def _flight_before(tread: Surface, found: Sequence[Edge], known: Sequence[Edge]) -> list[Edge]:
-    """Return the last two edges before the middle of a `tread`: as `found`, or where the frame does not show them, as
-    `known`."""
-    hidden = [edge for edge in known if all(abs(edge.distance_m - each.distance_m) > NO_TREAD_M for each in found)]
-    before = sorted((edge for edge in (*hidden, *found) if edge.distance_m < tread.middle_m), key=_distance_m)
-    return before[-_LEAST_TREADS:]
-
-
-def _distance_m(edge: Edge) -> float:
-    return edge.distance_m
 
 
 def _least_tread_m(lips_m: Sequence[float]) -> float:
@@ -265,8 +251,6 @@ LEAST_RISE_M = 0.04
 LEAST_TREAD_M = 0.22
 FLIGHT_M = 0.5
 """Edges one way that are nearer to each other than this are a flight of stairs."""
-NO_TREAD_M = 0.15
-"""Two edges that are nearer to each other have no tread between them."""
 RISERS_APART_M = 0.015
 """Of one flight: what building codes allow."""
 SLOPE_APART = 0.02

@@ -155,9 +155,8 @@ class TerrainEstimator:
             points, self.surfaces, self._roughness.rough_m, self._path.half_width_m, self._scatter.of_stated
         )
         self._roughness.add(points.where(~on_thing), profile, surfaces, yaw_rad)
+        found = find_edges(surfaces, points, yaw_rad)
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
-        known = self._memory.expected(frame.header.t_exposure_ns, v_C_W[:2], heading_rad)
-        found = find_edges(surfaces, points, yaw_rad, known)
         edges = self._memory.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, found, surfaces)
         obstacles = self._obstacles.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, things)
         shown = self._known_surfaces(frame.header.t_exposure_ns, v_C_W, R_WH, surfaces)

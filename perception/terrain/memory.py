@@ -27,7 +27,7 @@ from itertools import pairwise
 import numpy as np
 
 from messages.arrays import FloatArray
-from perception.terrain.edges import NO_TREAD_M, SLOPE_APART, Edge, side_by_side
+from perception.terrain.edges import SLOPE_APART, Edge, side_by_side
 from perception.terrain.surfaces import Surface
 from perception.terrain.way import Way
 
@@ -232,7 +232,7 @@ def _agree(known: _Known, seen: _Known) -> bool:
 
 def _stands_instead(seen: Edge, expected: Edge) -> bool:
     """Return whether an edge was seen so near to where another is expected that no tread fits in between."""
-    return seen.rise_m * expected.rise_m > 0.0 and abs(seen.distance_m - expected.distance_m) < NO_TREAD_M
+    return seen.rise_m * expected.rise_m > 0.0 and abs(seen.distance_m - expected.distance_m) < _NO_TREAD_M
 
 
 def _goes_on(surfaces: Sequence[Surface], edge: Edge) -> bool:
@@ -257,4 +257,5 @@ _AT_END_M = 0.05
 """Before the end of a surface its own lip may be told."""
 _SUM_SIGMAS = 3.0
 _GOES_ON_M = 0.10
+_NO_TREAD_M = 0.15
 _FARTHEST_M = 4.0

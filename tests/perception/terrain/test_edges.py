@@ -128,17 +128,6 @@ def test_of_a_flight_up_the_riser_is_told_whose_tread_is_above_the_picture(rise_
     assert edges[-1].rise_sd_m > 0.014
 
 
-def test_the_risers_before_it_may_be_known_of_earlier_frames_alone() -> None:
-    points = points_seen(flight(0.45, 0.15, 0.3, 5), height_m=0.95)
-    points = points.where((points.x_m > 0.6) & (points.z_m < -0.95 + 2.9 * 0.15))
-    surfaces, edges = found(points)
-    assert [edge.distance_m for edge in edges] == pytest.approx([0.75], abs=0.015)
-    passed = replace(edges[0], distance_m=0.45)
-    _, riser = find_edges(surfaces, points, 0.0, [passed])
-    assert riser.distance_m == pytest.approx(1.05, abs=0.015)
-    assert (riser.inferred, riser.rise_m) == (True, edges[0].rise_m)
-
-
 def test_what_stands_on_a_tread_is_no_riser() -> None:
     pieces = flight(0.45, 0.15, 0.3, 5)
     points = points_seen(pieces, height_m=0.95)
