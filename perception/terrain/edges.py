@@ -74,13 +74,13 @@ def _least_tread_m(lips_m: Sequence[float]) -> float:
     return max(LEAST_TREAD_M, float(treads_m.min()) / _ALIKE_TREADS)
 
 
-def common_sd_m(distance_m: float, height_m: float, fB_px_m: float) -> float:
-    """Return by how much, 1 σ, all disparities together move an edge at `distance_m` along x of H, seen from
-    `height_m` above it: no number of frames takes that off.
+def common_sd_m(along_m: float, other_m: float, fB_px_m: float) -> float:
+    """Return by how much, 1 σ, an error that its disparities share moves what lies `along_m` one way of the optical
+    centre, ahead or down, and `other_m` the other, along the first: no number of frames takes that off.
 
     With f B / Z = d an error δ of d stretches its whole ray, x, h and Z alike, by Z δ / f B.
     """
-    return abs(distance_m) * float(np.hypot(distance_m, height_m)) * OFFSET_PX / fB_px_m
+    return abs(along_m) * float(np.hypot(along_m, other_m)) * OFFSET_PX / fB_px_m
 
 
 def side_by_side(surfaces: Sequence[Surface]) -> list[Surface]:

@@ -36,7 +36,7 @@ from perception.terrain.path_points import find_points
 from perception.terrain.profile import profile_of
 from perception.terrain.roughness import Roughness
 from perception.terrain.surfaces import PathSurfaces, Surface, find_surfaces
-from perception.terrain.waves import Waves
+from perception.terrain.undulation import Undulation
 
 
 class TerrainEstimator:
@@ -70,7 +70,7 @@ class TerrainEstimator:
         self._memory = EdgeMemory()
         self._obstacles = ObstacleMemory(self._path.half_width_m)
         self._roughness = Roughness()
-        self._waves = Waves()
+        self._undulation = Undulation()
         self._near = NearGround()
         self._scatter = Scatter()
         self.surfaces = PathSurfaces((), 0.0)
@@ -159,14 +159,16 @@ class TerrainEstimator:
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
         edges = self._memory.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, found, surfaces)
         obstacles = self._obstacles.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, things)
-        shown = self._known_surfaces(frame.header.t_exposure_ns, v_C_W, R_WH, surfaces)
+        gone_m = self._gone_m(frame.header.t_exposure_ns, v_C_W, R_WH)
+        self._undulation.add(gone_m[0], surfaces)
+        shown = self._near.update(frame.header.t_exposure_ns, *gone_m, surfaces)
         before = shown[: len(shown) - len(surfaces)]
         self._seen = _Seen(frame.header.t_exposure_ns, v_C_W, surfaces, before, yaw_rad)
         self._follow_height(surfaces)
         if not surfaces:
             return self.no_terrain(frame.header.t_exposure_ns, frame.header.seq, Reason.LOW_TEXTURE)
         fB_px_m = self._camera.f_px * self._camera.baseline_m
-        kind, probability = kind_of(shown, edges, self._roughness.rough_m, wavy=self._waves.wavy)
+        kind, probability = kind_of(shown, edges, self._roughness.rough_m, undulates=self._undulation.undulates)
         return Terrain(
             t_exposure_ns=frame.header.t_exposure_ns,
             frame_seq=frame.header.seq,
@@ -193,18 +195,14 @@ class TerrainEstimator:
             calibration_id=self._calibration_id,
         )
 
-    def _known_surfaces(
-        self, t_ns: int, v_C_W_mps: FloatArray, R_WH: FloatArray, surfaces: list[Surface]
-    ) -> list[Surface]:
-        """Return the `surfaces` of a frame, and nearer than these what earlier frames saw."""
+    def _gone_m(self, t_ns: int, v_C_W_mps: FloatArray, R_WH: FloatArray) -> tuple[float, float]:
+        """Return how far the camera has gone ahead and up since the frame before. Across a gap that is not known: what
+        lay near the feet is forgotten, and it is 0."""
         if self._seen is None or not self._seen.lasts(t_ns):
             self._near.clear()
-            self._waves.clear()
-            ahead_m, up_m = 0.0, 0.0
-        else:
-            ahead_m, up_m = self._seen.ahead_and_up_m(t_ns, v_C_W_mps, R_WH)
-        self._waves.add(ahead_m, surfaces)
-        return self._near.update(t_ns, ahead_m, up_m, surfaces)
+            self._undulation.clear()
+            return 0.0, 0.0
+        return self._seen.ahead_and_up_m(t_ns, v_C_W_mps, R_WH)
 
     def _told(self, edge: Edge, too_long: float) -> TerrainEdge:
         """Return an edge with its lengths corrected for distances that are `too_long` times as long as true ones."""

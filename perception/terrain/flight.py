@@ -8,7 +8,7 @@ draws on what is beside it. An error of δ px moves what lies h below the optica
 up or down, in every frame alike. But stairs are built with risers that are alike to σ_r. With r_k the drop measured, of
 the variance P_k + e_k², and m the mean of the drops before it, of the variance σ_m², it is told as
 
-    r = (r_k / (P_k + e_k²) + m / (σ_m² + σ_r²)) / (1 / (P_k + e_k²) + 1 / (σ_m² + σ_r²)).                      (2)
+    r = (r_k / (P_k + e_k²) + m / (σ_m² + σ_r²)) / (1 / (P_k + e_k²) + 1 / (σ_m² + σ_r²)),                      (2)
 
 unless both contradict each other.
 """
@@ -17,7 +17,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from perception.terrain.edges import FLIGHT_M, OFFSET_PX, RISERS_APART_M, Edge
+from perception.terrain.edges import FLIGHT_M, RISERS_APART_M, Edge, common_sd_m
 
 
 def drops_alike(edges: Sequence[Edge], height_m: float, fB_px_m: float) -> list[Edge]:
@@ -41,8 +41,7 @@ def drops_alike(edges: Sequence[Edge], height_m: float, fB_px_m: float) -> list[
 
 def _with_common(drop: Edge, height_m: float, fB_px_m: float) -> Edge:
     """Return a drop with the deviation (1) beside its own; the ground below it lies `height_m` below the camera."""
-    common_m = height_m * math.hypot(drop.distance_m, height_m) * OFFSET_PX / fB_px_m
-    return replace(drop, rise_sd_m=math.hypot(drop.rise_sd_m, common_m))
+    return replace(drop, rise_sd_m=math.hypot(drop.rise_sd_m, common_sd_m(height_m, drop.distance_m, fB_px_m)))
 
 
 def _like_those_before(drop: Edge, flight: Sequence[Edge]) -> Edge:

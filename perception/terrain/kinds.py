@@ -20,18 +20,18 @@ ROUGH_M = 0.0024
 
 
 def kind_of(
-    surfaces: Sequence[Surface], edges: Sequence[Edge], rough_m: float, *, wavy: bool = False
+    surfaces: Sequence[Surface], edges: Sequence[Edge], rough_m: float, *, undulates: bool = False
 ) -> tuple[TerrainKind, float]:
     """Return the kind of most of the path from FROM_M to TO_M, and the probability of it.
 
-    `rough_m` is how much the ground varies across the path, one σ; `wavy` whether it rises and falls by turns.
+    `rough_m` is how much the ground varies across the path, one σ; `undulates` whether it does along it.
 
     The probability is the share of that part that is of this kind, each place by how far its surface is from a bound.
     """
     edges = higher_than_bumps(edges, _OVER_BUMPS * rough_m)
     votes = dict.fromkeys(TerrainKind, 0.0)
     for at_m in np.arange(FROM_M + 0.5 * _CELL_M, TO_M, _CELL_M).tolist():
-        for kind, share in _kinds_at(at_m, surfaces, edges, wavy or rough_m > ROUGH_M).items():
+        for kind, share in _kinds_at(at_m, surfaces, edges, undulates or rough_m > ROUGH_M).items():
             votes[kind] += share
     total = sum(votes.values())
     kind = max(votes, key=votes.__getitem__)

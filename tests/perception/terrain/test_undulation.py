@@ -5,7 +5,7 @@ import math
 import pytest
 
 from perception.terrain.surfaces import Surface
-from perception.terrain.waves import Waves
+from perception.terrain.undulation import Undulation
 
 FRAME_M = 0.05
 
@@ -13,7 +13,7 @@ FRAME_M = 0.05
 def walked(pieces: list[tuple[float, float]], frames: int, slope_sd: float = 0.005) -> list[bool]:
     """Return what is told frame by frame while the camera walks over `pieces`, each a length, m, and a slope, degrees,
     of which it sees 0.3 to 2 m ahead."""
-    waves, told = Waves(), []
+    path, told = Undulation(), []
     for frame in range(frames):
         surfaces, from_m = [], 0.3 - frame * FRAME_M
         for length_m, slope_deg in pieces:
@@ -22,8 +22,8 @@ def walked(pieces: list[tuple[float, float]], frames: int, slope_sd: float = 0.0
                 middle_m, slope = 0.5 * (near_m + far_m), math.tan(math.radians(slope_deg))
                 surfaces.append(Surface(near_m, far_m, middle_m, -0.9, slope, 0.002, slope_sd))
             from_m += length_m
-        waves.add(FRAME_M if frame else 0.0, surfaces)
-        told.append(waves.wavy)
+        path.add(FRAME_M if frame else 0.0, surfaces)
+        told.append(path.undulates)
     return told
 
 
@@ -45,15 +45,15 @@ def test_ground_that_rises_and_falls_by_turns_is_told_once_it_has_turned_twice_a
         [(0.3, 2.0 * (-1) ** k) for k in range(20)],  # no more than is unsure
     ],
 )
-def test_ramps_and_bumps_alone_are_no_waves(pieces: list[tuple[float, float]]) -> None:
+def test_ramps_and_bumps_alone_are_no_undulation(pieces: list[tuple[float, float]]) -> None:
     assert not any(walked(pieces, 100, slope_sd=0.03 if len(pieces) == 20 else 0.005))
 
 
 def test_what_is_not_known_any_more_is_forgotten() -> None:
-    waves = Waves()
+    path = Undulation()
     up, down = (Surface(0.3, 0.8, 0.55, -0.9, slope, 0.002, 0.005) for slope in (0.06, -0.06))
     for surface in (up, down, up):
-        waves.add(0.6, [surface])
-    assert waves.wavy
-    waves.clear()
-    assert not waves.wavy
+        path.add(0.6, [surface])
+    assert path.undulates
+    path.clear()
+    assert not path.undulates

@@ -1,4 +1,4 @@
-"""Whether the ground rises and falls by turns, as over bumps that are as wide as the path and no rougher across it.
+"""Whether the ground undulates along the path: bumps as wide as the path, which vary along it and not across.
 
 Cells along the way keep which way the ground was last seen to slope there. Where it turns twice, up, down and up again
 or the other way, within what lies a little behind and ahead, that is no ramp, nor a speed bump; it is taken to go
@@ -14,7 +14,7 @@ import numpy as np
 from perception.terrain.surfaces import Surface
 
 
-class Waves:
+class Undulation:
     """Follows the slopes of the path from frame to frame."""
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class Waves:
             self._until_m = self._way_m + _GOES_ON_M
 
     @property
-    def wavy(self) -> bool:
+    def undulates(self) -> bool:
         """Return whether the ground rises and falls by turns."""
         return self._way_m < self._until_m
 
@@ -58,6 +58,9 @@ def _sign(surface: Surface) -> int:
 
 
 _FROM_M, _TO_M, _BEHIND_M = 0.2, 1.8, 0.8
+"""Along u: what of a frame counts, since slopes farther off are less sure, and how far behind cells are kept."""
 _CELL_M, _LEAST_CELLS = 0.1, 2
+"""So many that slope one way in a row count."""
 _TURNS, _GOES_ON_M = 2, 1.0
 _SLOPE, _SIGMAS = math.tan(math.radians(1.0)), 1.0
+"""A slope is known to be one that is larger than this by so many of its deviations."""
