@@ -120,7 +120,7 @@ _BEND = 0.035
 _BEND_REACH_M = 0.3
 _HIDDEN_BEND, _LEAST_BEYOND_M = 0.016, 0.25
 """A piece of a length L that slopes by β more leaves β² L³ / (3 b σ²) on the line before it, over bins b, and about a
-tenth of it on one line through both. Two surfaces cost `_PENALTY` more: hence β L^1.5, bins with σ = 6 mm, 1.5 m away."""
+tenth of it on one line through both. Two surfaces cost `_PENALTY` more: hence β L^1.5, for σ = 6 mm, 1.5 m away."""
 _BESIDE_END_M = 0.05
 _HALF_WIDTH_M = PathSettings.half_width_m
 """Of the profile, which shows a surface as far as any part of it reaches."""
