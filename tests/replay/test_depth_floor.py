@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from lab.evaluation.measured.robot_floor import level_heading
 from lab.evaluation.real_pair import FLOOR
 from messages import DepthCalibration, Lens, Residual
 from perception.ground.meter import GroundMeter
@@ -31,10 +32,7 @@ def test_the_floor_in_a_depth_image_is_the_plane_of_its_points(step_m: float) ->
         cy_px=facts["cy"],
         distortion=(0.0,) * 4,
     )
-    up_C = np.array(true["normal_up_in_left_camera"])
-    ahead_C = np.array([0.0, 0.0, 1.0]) - up_C[2] * up_C
-    ahead_C /= np.linalg.norm(ahead_C)
-    R_HC = np.stack((ahead_C, np.cross(up_C, ahead_C), up_C))  # in this H the floor is level
+    R_HC = level_heading(np.array(true["normal_up_in_left_camera"]))  # in this H the floor is level
 
     meter = GroundMeter(DepthCalibration(lens=lens, baseline_m=facts["baseline_m"], step_m=step_m), Residual())
     found = meter.measure((image,), R_HC, np.zeros(3), 0.0, FLOOR, None)
