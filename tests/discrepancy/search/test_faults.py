@@ -182,7 +182,7 @@ def test_after_a_swap_the_names_are_those_of_the_fit(monkeypatch: pytest.MonkeyP
 
     def fit(chi2: float, *causes: Candidate) -> Fit:
         keys = tuple(key for cause in causes for key in cause.keys)
-        return Fit(dict.fromkeys(keys, 0.0), np.zeros((2, 1)), chi2, keys)
+        return Fit(dict.fromkeys(keys, 0.0), np.sqrt(chi2) * search.refits.base.residual, chi2, keys)
 
     swaps = [(0, third, fit(90.0, third, second)), (1, fourth, fit(20.0, first, fourth))]
     monkeypatch.setattr(search, "rivals", lambda *_: swaps)
