@@ -30,7 +30,8 @@ class InnerMotion:
 
     `foretold` (6, 6) is the covariance of the constant rate and velocity by which it may be off, None where nothing is
     foretold; `noise` (6,) are the deviations of a mean rate and a mean velocity that follow from a shape that is not
-    quite this.
+    quite this. `lacks` (6,) are those of a constant angular and a constant linear acceleration by which it may be off,
+    None where the shape is known.
     """
 
     t_s: FloatArray
@@ -38,6 +39,7 @@ class InnerMotion:
     p_m: FloatArray
     foretold: FloatArray | None
     noise: FloatArray
+    lacks: FloatArray | None
 
     def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return R (n, 3, 3) and p (n, 3) at `t_s` (n,): on the line between two samples, which are close together."""
@@ -48,7 +50,7 @@ class InnerMotion:
 def steady_motion(rates: FloatArray) -> InnerMotion:
     """Return the motion at constant `rates` (6,), angular first, for as long as any step lasts."""
     R = so3.matrices_from_rotvecs(np.outer(_STEADY_S, rates[:3]))
-    return InnerMotion(_STEADY_S, R, np.outer(_STEADY_S, rates[3:]), None, _STEADY_NOISE)
+    return InnerMotion(_STEADY_S, R, np.outer(_STEADY_S, rates[3:]), None, _STEADY_NOISE, _STEADY_LACKS)
 
 
 class RecentSamples:
@@ -96,7 +98,7 @@ class RecentSamples:
         p_C = (R @ self._p_BC_m - self._p_BC_m) @ self._R_BC
         R_C = self._R_BC.T @ R @ self._R_BC
         if known is None:
-            return InnerMotion(times_s, R_C, p_C + np.outer(times_s, v_C_mps), None, _TURNS_ONLY_NOISE)
+            return _turns_only(times_s, R_C, p_C + np.outer(times_s, v_C_mps))
         foretold_s = 1e-9 * (known.t_ns - t_ns)
         R_then = so3.matrix_from_quaternion(_at(sampled_s, turned, foretold_s))
         sf_B = np.array([sf for _, sf, _ in samples])
@@ -104,11 +106,11 @@ class RecentSamples:
         gained = integral(times_s, acceleration)
         if known.covariance is None:
             way = integral(times_s, _less_that_at(0.0, times_s, gained) @ self._R_BC + v_C_mps)
-            return InnerMotion(times_s, R_C, p_C + _less_that_at(0.0, times_s, way), None, _TURNS_ONLY_NOISE)
+            return _turns_only(times_s, R_C, p_C + _less_that_at(0.0, times_s, way))
         velocity = R_then @ known.v_B_mps + _less_that_at(foretold_s, times_s, gained)
         p_C += _less_that_at(0.0, times_s, integral(times_s, velocity)) @ self._R_BC
         covariance = so3.pair_covariance_turned(self._R_BC.T @ R_then, known.covariance)
-        return InnerMotion(times_s, R_C, p_C, covariance, np.zeros(6))
+        return InnerMotion(times_s, R_C, p_C, covariance, np.zeros(6), None)
 
     def _around(self, from_ns: int, to_ns: int, known_to_ns: int) -> list[tuple[int, Vec3, Vec3]] | None:
         """Return the samples from the last one before `from_ns` on, the newest repeated at `to_ns` if that is later."""
@@ -121,6 +123,10 @@ class RecentSamples:
             return None
         newest_ns, sf_B, w_B = samples[-1]
         return samples if newest_ns >= to_ns else [*samples, (to_ns, sf_B, w_B)]
+
+
+def _turns_only(times_s: FloatArray, R: FloatArray, p_m: FloatArray) -> InnerMotion:
+    return InnerMotion(times_s, R, p_m, None, _TURNS_ONLY_NOISE, _TURNS_ONLY_LACKS)
 
 
 def _at(times_s: Sequence[float], quaternions: Sequence[Quaternion], t_s: float) -> Quaternion:
@@ -139,3 +145,5 @@ _STEADY_NOISE = np.repeat((0.06, 0.03), 3)
 """rad/s and m/s: what the steps of a walk are off by where their rates are taken as constant."""
 _TURNS_ONLY_NOISE = np.repeat((0.005, 0.01), 3)
 """rad/s and m/s: where only the velocity is."""
+_STEADY_LACKS, _TURNS_ONLY_LACKS = np.repeat((3.0, 3.0), 3), np.repeat((0.2, 3.0), 3)
+"""rad/s² and m/s²: of a walker; 3 m/s² is also what of gravity counts as motion where the vertical is off by 18°."""

@@ -100,7 +100,8 @@ class PointsInStep:
         inside[:, :, 7] = travel
         seen = np.ascontiguousarray((R1T @ inside).transpose(2, 1, 0))
         self._by_rates, self._steady, self._travel = seen[:6], seen[6], seen[7]
-        self._intervals_s, self._to_s, self._disparity = to_s - from_s, to_s, disparity
+        self._intervals_s, self._middle_s, self._to_s = to_s - from_s, 0.5 * (from_s + to_s), to_s
+        self._disparity, self._lacks = disparity, inner.lacks
         self.places: FloatArray = (points_C[:, :2] / points_C[:, 2:]).T
 
     def moved(self, rates: FloatArray) -> FloatArray:
@@ -135,6 +136,16 @@ class PointsInStep:
         by_v = self._by_rates[3:]
         flow[3:] = (by_v[:, :2] - picture * by_v[:, 2:]) / depth
         return flow
+
+    def with_accelerations(self, flow: FloatArray) -> FloatArray:
+        """Return `flow` (6, 2, N), and where `inner` may lack accelerations, that by these below it (12, 2, N): rates
+        that grow by a move a point as constant ones of a (t₀ + t₁) / 2 do."""
+        return flow if self._lacks is None else np.concatenate((flow, self._middle_s * flow))
+
+    @property
+    def accelerations(self) -> FloatArray:
+        """Return their deviations (6,), or (0,) where there are none."""
+        return np.zeros(0) if self._lacks is None else self._lacks
 
 
 def solve(
@@ -244,7 +255,7 @@ def _refined(
     agrees = distance < _INLIER_SIGMAS * noise
     likely = bool(_is_likely(rates, prior, settings))
     least = settings.least_points if likely else max(settings.least_surprising, settings.majority * seen.shape[1])
-    bend = _bend(points.places, h, weight * share, along, flow, inverse, noise)
+    bend = _bend(points, h, weight * share, misfit, flow, weighted, noise)
     near = agrees | (distance < settings.near_px / settings.f_px)
     disagreeing = disagreement(agrees[near], picture[1, near])
     step = RigidStep(rates, noise**2 * inverse, agrees, disagreeing, noise, likely, bend)
@@ -252,20 +263,26 @@ def _refined(
 
 
 def _bend(
-    places: FloatArray,
+    points: PointsInStep,
     h: FloatArray,
     weight: FloatArray,
-    along: FloatArray,
+    misfit: FloatArray,
     flow: FloatArray,
-    covariance: FloatArray,
+    weighted_flow: FloatArray,
     noise: float,
 ) -> Bend:
-    """Return what is told of disparities that are too small by (b, c) · `places` (2, N): least squares of r = h (b, c)
-    · places, the motion's six unknowns, of `covariance` (6, 6) over noise², eliminated (Schur). `along` is hᵀ r."""
-    weighted = weight * places
-    with_flow = (h * flow).sum(axis=1) @ weighted.T
-    information = ((h * h).sum(axis=0) * weighted) @ places.T - with_flow.T @ covariance @ with_flow
-    return Bend(information / noise**2, weighted @ along / noise**2)
+    """Return what is told of disparities that are too small by (b, c) · places: least squares of r = h (b, c) · places,
+    what else moves the points eliminated (Schur): the motion's six unknowns, and the accelerations that it may lack."""
+    places = weight * points.places
+    unknowns, weighted_unknowns = points.with_accelerations(flow), points.with_accelerations(weighted_flow)
+    count = len(unknowns)
+    normal = weighted_unknowns.reshape(count, -1) @ unknowns.reshape(count, -1).T
+    normal[range(6, count), range(6, count)] += (noise / points.accelerations) ** 2
+    with_unknowns = (h * unknowns).sum(axis=1) @ places.T
+    eliminated = np.linalg.solve(normal, with_unknowns).T
+    information = ((h * h).sum(axis=0) * places) @ points.places.T - eliminated @ with_unknowns
+    weighted = places @ (h * misfit).sum(axis=0) - eliminated @ (weighted_unknowns.reshape(count, -1) @ misfit.ravel())
+    return Bend(information / noise**2, weighted / noise**2)
 
 
 def _across(vectors: FloatArray) -> FloatArray:

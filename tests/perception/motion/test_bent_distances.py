@@ -1,5 +1,7 @@
 """Distances that are bent across the picture, told by how points move: sized right, and never by their scale alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,24 +16,35 @@ from perception.motion.rigid_step import PointsInStep, RigidStepSettings, solve
 SETTINGS = RigidStepSettings(f_px=175.0)
 STEP_S, NOISE, BASELINE_M = 0.05, 0.05 / 175.0, 0.12
 STANDS, WALKS = 0.0, 1.1
+ROW_S = 0.016  # from one row to another, as far apart as its tangents differ by 1
 
 bends = st.floats(-0.01, 0.01)
 
 
-def bend(seed: int, speed_mps: float, wrong: tuple[float, float] = (0.0, 0.0), scale: float = 1.0) -> Bend:
+def bend(
+    seed: int,
+    speed_mps: float,
+    wrong: tuple[float, float] = (0.0, 0.0),
+    scale: float = 1.0,
+    accelerates: FloatArray | None = None,
+) -> Bend:
     """Return what one step of a camera that looks down at about 45° tells, on bumpy ground with distances that are
-    `wrong` by so much and all too long by `scale`."""
+    `wrong` by so much and all too long by `scale`; where it `accelerates` (3,), m/s², nothing tells that it does."""
     chance = np.random.default_rng(seed)
     rays = np.column_stack((chance.uniform(-0.7, 0.7, 70), chance.uniform(-0.45, 0.45, 70), np.ones(70)))
     points_C = rays * (0.95 / (0.7071 * (rays[:, 1] + 1.0)) + chance.normal(0.0, 0.02, 70))[:, None]
     rates = np.concatenate((chance.normal(0.0, 0.5, 3), speed_mps * np.array([0.05, -0.6, 0.8])))
-    truly, times_s = steady_motion(rates), np.zeros(70)
+    expected, times_s = steady_motion(rates), ROW_S * rays[:, 1]
+    if accelerates is None:
+        truly = expected = replace(expected, lacks=None)
+    else:
+        truly = replace(expected, p_m=expected.p_m + 0.5 * np.outer(expected.t_s**2, accelerates))
     moved_C = PointsInStep(points_C, BASELINE_M / points_C[:, 2], times_s, times_s + STEP_S, truly).moved(np.zeros(6))
     seen = (moved_C[:2] / moved_C[2]).T + chance.normal(0.0, NOISE, (70, 2))
     disparity = BASELINE_M / points_C[:, 2] + chance.normal(0.0, NOISE, 70) - rays[:, :2] @ wrong
     disparity /= scale
     measured_C = rays * (BASELINE_M / disparity)[:, None]
-    step = solve(PointsInStep(measured_C, disparity, times_s, times_s + STEP_S, truly), seen, None, SETTINGS)
+    step = solve(PointsInStep(measured_C, disparity, times_s, times_s + STEP_S, expected), seen, None, SETTINGS)
     assert step is not None
     return step.bend
 
@@ -82,6 +95,15 @@ def test_what_the_calibration_may_leave_is_no_bend(residual: Residual) -> None:
     for k in range(15):
         watch.add(bend(k, WALKS, (0.004, 0.0)), 0.0)
     assert not watch.contradicts
+
+
+def test_an_acceleration_that_nothing_tells_is_no_bend() -> None:
+    """Gravity taken for one, as where the vertical is off by 15°, moves each row of a rolling shutter by as much more
+    as it is exposed later."""
+    watch = BentDistances(Residual())
+    for k in range(24):
+        watch.add(bend(k, WALKS, accelerates=np.array([0.0, -2.0, 1.5])), 0.0)
+        assert not watch.contradicts
 
 
 def test_errors_that_corners_share_are_no_bend() -> None:
