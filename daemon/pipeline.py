@@ -47,7 +47,7 @@ from perception.motion.odometry import Odometry
 from perception.motion.watch import MotionWatch
 from perception.sample_guard import SampleGuard
 from perception.terrain.estimator import TerrainEstimator
-from perception.terrain.path_ahead import PathAhead
+from perception.terrain.path_ahead import NO_PATH, PathAhead
 from perception.terrain.path_matching import Beside, PathMatching
 from perception.terrain.surfaces import PathSurfaces
 
@@ -247,7 +247,7 @@ class Pipeline:
         tells_velocity = self._motion.step_is_sound and not self._attitude.knows_velocity
         if step is not None and tells_velocity and not isinstance(placed, Reason):
             placed = step.with_velocity(placed)
-        path, steps = PathAhead(), NextSteps()
+        path, steps = NO_PATH, NextSteps()
         if not isinstance(placed, Reason):
             path = self._terrain.path_ahead(placed.t_ns, placed.R_WB, placed.w_WB_B, placed.v_W_mps)
             steps = self._gait.add_frame(placed, self._attitude.at, path)

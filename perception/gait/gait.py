@@ -111,7 +111,7 @@ class Gait:
         """Return the largest change of the slope that was seen beside the foothold of late: how near it is, no frame
         tells well, and the last of a slope passes out of the picture before the foot is there."""
         if landing is not None:
-            self._bends.append((t_ns, path.bend_near(landing.ahead_m, landing.left_m)))
+            self._bends.append((t_ns, path.bend_near(landing.ahead_m, landing.left_m, _BEND_REACH_M)))
         while self._bends and t_ns - self._bends[0][0] > _BEND_LASTS_NS:
             self._bends.popleft()
         return max((bend for _, bend in self._bends), default=0.0)
@@ -198,6 +198,7 @@ def _foothold(
 
 
 _BESIDE_M = 0.15
+_BEND_REACH_M = 0.3
 _BEND_LASTS_NS, _MOST_BENDS = 1_200_000_000, 128
 _PROFILE_SD_M = 0.005
 """What the profile's heights are off together, 1 σ, beside what each states."""

@@ -21,6 +21,7 @@ from perception.ground.repetition import RepetitionWatch, as_steep
 from perception.ground.surface_change import (
     SurfaceChange,
     apart_cov,
+    beside_bend_cov,
     is_other_surface,
     plane_of,
     plane_under,
@@ -29,7 +30,7 @@ from perception.ground.surface_change import (
 from perception.ground.tracking import PlaneTracker, TrackingSettings
 from perception.ground.view_check import ViewCheck
 from perception.heading import heading
-from perception.terrain.path_ahead import PathAhead
+from perception.terrain.path_ahead import NO_PATH, PathAhead
 from perception.terrain.surfaces import PathSurfaces, Surface
 
 
@@ -98,7 +99,7 @@ class GroundEstimator:
         may_begin: bool = True,
         reduced: bool = False,
         place_m: tuple[float, float] | None = None,
-        path: PathAhead | None = None,
+        path: PathAhead = NO_PATH,
     ) -> GroundPlane:
         """Return the ground in H of `frame`, given the attitude, its covariance and the rate at mid-exposure.
 
@@ -121,9 +122,10 @@ class GroundEstimator:
         t_ns = frame.header.t_exposure_ns
         R_HC, attitude_cov_W = R_WH.T @ R_WC, _of_slopes(rotation_cov_W_rad2)
         v_C_W = None if v_W_mps is None else v_W_mps + R_WB @ so3.skew(np.array(w_WB_B_radps)) @ self._p_BC_m
-        aim = self._aim(t_ns, R_HC, R_WH, attitude_cov_W, place_m, path or PathAhead(), v_C_W)
+        aim = self._aim(t_ns, R_HC, R_WH, attitude_cov_W, place_m, path, v_C_W)
+        bend_cov = beside_bend_cov(aim.region, path)
         if aim.passed and v_C_W is not None:
-            return self._carried(frame, R_HC, R_WH, rotation_cov_W_rad2, w_WB_B_radps, v_C_W, distance_scale)
+            return self._carried(frame, R_HC, R_WH, rotation_cov_W_rad2, w_WB_B_radps, v_C_W, distance_scale, bend_cov)
         if aim.reason is not Reason.NONE:
             if v_C_W is not None:
                 self._tracker.carry(t_ns, R_WH, v_C_W, attitude_cov_W)
@@ -133,12 +135,10 @@ class GroundEstimator:
         region = self._region.narrowed() if reduced else self._region
         searched = self._search.begin(region) if expected is None else self._search.skip(region)
 
-        rough = path is not None and path.rough
-
         def measure(near: Plane | None, margin_m: float | None = None, *, swapped: bool = False) -> GroundMeasurement:
             images, band = (frame.images[::-1], searched.likely) if swapped else (frame.images, searched.band)
             return self._meter.measure(
-                images, R_HC, w_WC_C_radps, height_rate_mps, band, near, margin_m, focal_difference, rough=rough
+                images, R_HC, w_WC_C_radps, height_rate_mps, band, near, margin_m, focal_difference, rough=path.rough
             )
 
         measured = measure(expected, self._repetition.margin_m(t_ns, expected))
@@ -177,7 +177,7 @@ class GroundEstimator:
             R_WH,
             attitude_cov_W,
             may_begin=begins and not view.doubtful,
-            even=alike and (rough or self._meter.is_even(measured.fit)),
+            even=alike and (path.rough or self._meter.is_even(measured.fit)),
             v_W_mps=v_C_W,
         )
         if tracked is None and self._tracks:
@@ -190,8 +190,7 @@ class GroundEstimator:
             reason = Reason.NOT_PLANAR if may_begin else Reason.UNCONFIRMED
             return self._invalid(frame, reason, measured.matched_share)
         plane, plane_cov = tracked
-        if path is not None:
-            plane_cov = plane_cov + apart_cov(plane, plane_cov, region, path)
+        plane_cov = plane_cov + bend_cov + apart_cov(plane, plane_cov, region, path)
         self._lasting_cov = measured.lasting_cov + self._view.covariance(plane, R_HC)
         ground = self._valid(frame, plane, plane_cov, R_HC, R_WH, rotation_cov_W_rad2, w_WB_B_radps, distance_scale)
         if v_W_mps is not None:
@@ -212,13 +211,17 @@ class GroundEstimator:
         w_WB_B_radps: Vec3,
         v_C_W_mps: FloatArray,
         distance_scale: float,
+        bend_cov: FloatArray,
     ) -> GroundPlane:
         """Return the ground under a foothold that the picture does not show any more: as it was last seen."""
         t_ns = frame.header.t_exposure_ns
         carried = self._tracker.carry(t_ns, R_WH, v_C_W_mps, _of_slopes(rotation_cov_W))
         if carried is None:
             return self._invalid(frame, Reason.FOOTHOLD_OUT_OF_VIEW)
-        ground = self._valid(frame, *carried, R_HC, R_WH, rotation_cov_W, w_WB_B_radps, distance_scale)
+        plane, plane_cov = carried
+        ground = self._valid(
+            frame, plane, plane_cov + bend_cov, R_HC, R_WH, rotation_cov_W, w_WB_B_radps, distance_scale
+        )
         return msgspec.structs.replace(ground, matched_share=0.0)
 
     def _valid(

@@ -54,10 +54,10 @@ class PathAhead:
         surface = self.surface_at(from_m + across_m)
         return surface is not None and from_m + across_m < surface.to_m < to_m + across_m
 
-    def bend_near(self, x_m: float, left_m: float) -> float:
-        """Return by how much the slope changes within `_BEND_REACH_M` of a place; 0 where it does not."""
+    def bend_near(self, x_m: float, left_m: float, within_m: float) -> float:
+        """Return by how much the slope changes within so far of a place; 0 where it does not."""
         u_m = x_m + left_m * math.tan(self.yaw_rad)
-        return max((abs(change) for at_m, change in self._bends() if abs(at_m - u_m) < _BEND_REACH_M), default=0.0)
+        return max((abs(change) for at_m, change in self._bends() if abs(at_m - u_m) < within_m), default=0.0)
 
     def hidden_bend(self, x_m: float, left_m: float) -> float:
         """Return by how much the slope may change before a place and yet nobody see it, since the surface there is not
@@ -73,11 +73,21 @@ class PathAhead:
         """Return where along u the slope changes, and by how much."""
         if self.rough:
             return []
-        return [
-            (0.5 * (one.to_m + other.from_m), other.slope - one.slope)
-            for one, other in pairwise(self.surfaces)
-            if abs(other.slope - one.slope) > _BEND and other.from_m - one.to_m < _NEARLY_M
-        ]
+        found = ((self._bend_between(one, other), other.slope - one.slope) for one, other in pairwise(self.surfaces))
+        return [(at_m, change) for at_m, change in found if at_m is not None]
+
+    def _bend_between(self, one: Surface, other: Surface) -> float | None:
+        """Return where one surface goes over into the next; where what lies between them is covered, it is where both
+        lines meet. None where the slope does not change, an edge lies between, or one ends before they meet."""
+        change, gap_m = other.slope - one.slope, other.from_m - one.to_m
+        if abs(change) <= _BEND:
+            return None
+        if gap_m < _NEARLY_M:
+            return 0.5 * (one.to_m + other.from_m)
+        if any(one.to_m < edge.distance_m < other.from_m for edge in self.edges):
+            return None
+        beyond_m = (one.at(one.to_m) - other.at(one.to_m)) / change
+        return one.to_m + beyond_m if 0.0 <= beyond_m <= gap_m else None
 
     def edge_at(self, x_m: float, left_m: float) -> Edge | None:
         """Return the edge that is at `x_m` where y is `left_m`; None for a bend, or nothing."""
@@ -95,6 +105,10 @@ class PathAhead:
         across_m = left_m * math.tan(self.yaw_rad)
         bends = [at_m - across_m for at_m, _ in self._bends()]
         return sorted(edges + [bend for bend in bends if all(abs(bend - edge) > _SAME_M for edge in edges)])
+
+
+NO_PATH = PathAhead()
+"""Where nothing of it has been shown."""
 
 
 def moved(surface: Surface, ahead_m: float, up_m: float) -> Surface:
@@ -117,7 +131,6 @@ MOST_TURNED = 0.47
 """tan 25°: so far an edge or a bend is taken to be turned that nothing tells of."""
 _NEARLY_M = 0.06
 _BEND = 0.035
-_BEND_REACH_M = 0.3
 _HIDDEN_BEND, _LEAST_BEYOND_M = 0.016, 0.25
 """A piece of a length L that slopes by β more leaves β² L³ / (3 b σ²) on the line before it, over bins b, and about a
 tenth of it on one line through both. Two surfaces cost `_PENALTY` more: hence β L^1.5, for σ = 6 mm, 1.5 m away."""

@@ -1,6 +1,7 @@
 """The region follows the foothold within the surface that carries it; what cannot be seen is said."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from messages import Reason
 from perception.ground.aim import View, aimed
 from perception.ground.foothold import FootholdSettings
 from perception.ground.plane import Plane
-from perception.ground.surface_change import SurfaceChange, apart_cov, is_other_surface, plane_under
+from perception.ground.surface_change import SurfaceChange, apart_cov, beside_bend_cov, is_other_surface, plane_under
 from perception.ground.tracking import PlaneTracker, TrackingSettings
 from perception.terrain.edges import Edge
 from perception.terrain.path_ahead import PathAhead, moved
@@ -217,7 +218,25 @@ def test_surfaces_move_with_the_camera() -> None:
 def test_bends_bound_surfaces_and_are_told_where_a_foot_lands_beside_them() -> None:
     path = PathAhead(surfaces=(flat(0.3, 0.9, -0.95), flat(0.9, 2.0, -0.9, slope=0.1)))
     assert path.borders_m(0.0) == pytest.approx([0.9])
-    assert path.bend_near(0.8, 0.0) == pytest.approx(0.1)
-    assert path.bend_near(0.4, 0.0) == 0.0
+    assert path.bend_near(0.8, 0.0, 0.3) == pytest.approx(0.1)
+    assert path.bend_near(0.4, 0.0, 0.3) == 0.0
     assert path.is_one_surface(0.4, 0.7, 0.0)
     assert not path.is_one_surface(0.4, 1.2, 0.0)
+
+
+@given(bend_m=st.floats(0.51, 1.29), slope=st.floats(-0.18, 0.18).filter(lambda slope: abs(slope) > 0.04))
+def test_a_bend_that_something_covers_is_where_both_surfaces_would_meet(bend_m: float, slope: float) -> None:
+    before = flat(0.3, 0.5, -0.95)
+    beyond = flat(1.3, 2.7, -0.95 + slope * (2.0 - bend_m), slope)
+    assert PathAhead(surfaces=(before, beyond)).borders_m(0.0) == pytest.approx([bend_m])
+    step = edge(0.8, 0.05)
+    assert PathAhead((step,), (before, beyond)).borders_m(0.0) == [0.8]
+    apart = replace(beyond, height_m=beyond.height_m - 1.3 * slope)
+    assert PathAhead(surfaces=(before, apart)).borders_m(0.0) == []
+
+
+def test_a_plane_told_where_the_slope_changes_is_as_uncertain_as_that() -> None:
+    path = PathAhead(surfaces=(flat(0.3, 0.7, -0.95), flat(0.7, 2.0, -0.95 - 0.14 * 0.65, slope=-0.14)))
+    beside = beside_bend_cov(replace(SETTINGS.region, ahead_m=0.67), path)
+    assert np.sqrt(beside[0, 0]) == pytest.approx(0.07)
+    assert not beside_bend_cov(replace(SETTINGS.region, ahead_m=0.6), path).any()
