@@ -8,6 +8,9 @@ they do not. With L the innovations' covariance and G what a cause does to them,
 tells, beyond its own deviation, of a turn (the gyroscope's bias has jumped, or the ground turns), of a travel (the
 ground accelerates: a bus, a lift) or of a camera that has slipped on its mount. What the likeliest cause would change
 is then let free in the filter, whose next steps say how much it is.
+
+A camera that has slipped turns each turn a little. Where there is hardly one, as of a wearer who stands, that would be
+less than what successive steps err by alike: the same corners, matched alike. So much of each turn tells of no slip.
 """
 
 import math
@@ -55,7 +58,9 @@ def look_for_causes(
     found.missing_rad = fade * found.missing_rad + innovation[:3]
     turn = _unlikely(_add(found.turn, fade, _BY_TURN, information, bounded), settings.far_sigmas)
     travel = _unlikely(_add(found.travel, fade, _BY_TRAVEL, information, bounded), settings.far_sigmas)
-    slip = _unlikely(_add(found.slip, slow_fade, by_slip, information, bounded), settings.slip_sigmas)
+    shared_var = np.repeat(((settings.shared_radps * duration_s) ** 2, 0.0), 3)
+    beyond_shared: FloatArray = np.linalg.inv(likely + np.diag(shared_var)).astype(np.float64, copy=False)
+    slip = _unlikely(_add(found.slip, slow_fade, by_slip, beyond_shared, bounded), settings.slip_sigmas)
     most = max(turn, travel, slip)
     if most == 0.0 or state.explained_s < settings.explain_again_s:
         return False

@@ -97,6 +97,7 @@ class CameraStepSettings:
     # `most_slip_rad` is known of that, beside what the calibration leaves.
     slip_memory_s: float = 3.0
     slip_sigmas: float = 4.0
+    shared_radps: float = 0.005  # of a turn, one σ: what the steps of seconds of standing err by alike
     slip_rad: float = math.radians(2.0)
     most_slip_rad: float = math.radians(0.25)
 

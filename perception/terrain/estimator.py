@@ -154,12 +154,12 @@ class TerrainEstimator:
         things, on_thing = find_obstacles(
             points, self.surfaces, self._roughness.rough_m, self._path.half_width_m, self._scatter.of_stated
         )
-        self._roughness.add(points.where(~on_thing), profile, surfaces, yaw_rad)
-        found = find_edges(surfaces, points, yaw_rad)
         v_C_W = np.array(v_W_mps) + R_WB @ so3.skew(w_B) @ self._p_BC_m
+        gone_m = self._gone_m(frame.header.t_exposure_ns, v_C_W, R_WH)
+        self._roughness.add(points.where(~on_thing), profile, surfaces, yaw_rad, gone_m[0])
+        found = find_edges(surfaces, points, yaw_rad)
         edges = self._memory.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, found, surfaces)
         obstacles = self._obstacles.update(frame.header.t_exposure_ns, v_C_W[:2], heading_rad, things)
-        gone_m = self._gone_m(frame.header.t_exposure_ns, v_C_W, R_WH)
         self._undulation.add(gone_m[0], surfaces)
         shown = self._near.update(frame.header.t_exposure_ns, *gone_m, surfaces)
         before = shown[: len(shown) - len(surfaces)]
@@ -201,6 +201,7 @@ class TerrainEstimator:
         if self._seen is None or not self._seen.lasts(t_ns):
             self._near.clear()
             self._undulation.clear()
+            self._roughness.lose_way()
             return 0.0, 0.0
         return self._seen.ahead_and_up_m(t_ns, v_C_W_mps, R_WH)
 

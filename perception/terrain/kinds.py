@@ -15,7 +15,7 @@ FROM_M, TO_M = 0.3, 1.0
 BESIDE_EDGE_M = 0.35
 """So far from an edge the ground is that of a step, or of a flight."""
 RAMP_RAD = math.radians(1.5)
-ROUGH_M = 0.0024
+ROUGH_M = 0.0022
 """Ground that varies by more across the path, one σ, is rough (`roughness`)."""
 
 

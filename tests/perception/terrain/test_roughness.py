@@ -16,15 +16,23 @@ from tests.bench.path_scene import flight, points_seen
 WIDTH_M = 0.5
 
 
-def added(roughness: Roughness, points: PathPoints, yaw_rad: float = 0.0) -> float:
+def added(roughness: Roughness, points: PathPoints, yaw_rad: float = 0.0, ahead_m: float = 0.0) -> float:
     profile = profile_of(points, yaw_rad, WIDTH_M)
-    roughness.add(points, profile, find_surfaces(profile), yaw_rad)
+    roughness.add(points, profile, find_surfaces(profile), yaw_rad, ahead_m)
     return roughness.rough_m
 
 
-def bumpy(rms_m: float) -> PathPoints:
+def bumpy(rms_m: float, way_m: float = 0.0) -> PathPoints:
     ground = points_seen([(-1.0, 0.0, 6.0, 0.0)])
-    return replace(ground, z_m=ground.z_m + rms_m * 2.0 * np.sin(ground.x_m / 0.06) * np.sin(ground.y_m / 0.06))
+    bumps = 2.0 * np.sin((ground.x_m + way_m) / 0.06) * np.sin(ground.y_m / 0.06)
+    return replace(ground, z_m=ground.z_m + rms_m * bumps)
+
+
+def shared_noise(points: PathPoints, seed: int, rms_m: float) -> PathPoints:
+    """Return points of which those within 5 cm of each other err alike, as where little texture is matched."""
+    cell = np.unique(np.floor(np.stack((points.x_m, points.y_m)) / 0.05), axis=1, return_inverse=True)[1].ravel()
+    errors = np.random.default_rng(seed).standard_normal(cell.max() + 1)[cell]
+    return replace(points, z_m=points.z_m + rms_m * errors)
 
 
 @pytest.mark.parametrize("rms_m", [0.012, 0.03])
@@ -63,10 +71,9 @@ def test_what_hides_the_ground_for_a_few_frames_changes_nothing() -> None:
 def test_a_surface_that_shows_little_is_not_rough_by_its_noise() -> None:
     """Pixels side by side share what they are matched by, and so their errors: half of those of a pixel, as here."""
     even = points_seen([(-1.0, 0.0, 6.0, 0.0)])
-    rng = np.random.default_rng(3)
-    cells = np.unique(np.floor(np.stack((even.x_m, even.y_m)) / 0.05), axis=1, return_inverse=True)[1].ravel()
-    shared = 0.5 * rng.standard_normal(cells.max() + 1)[cells] + rng.standard_normal(len(cells))
-    assert added(Roughness(), replace(even, z_m=even.z_m + 0.012 * shared)) < ROUGH_M
+    own = 0.012 * np.random.default_rng(3).standard_normal(len(even.z_m))
+    noisy = shared_noise(replace(even, z_m=even.z_m + own), 4, 0.006)
+    assert added(Roughness(), noisy) < ROUGH_M
 
 
 def test_chance_matches_far_off_the_ground_are_no_bumps() -> None:
@@ -86,3 +93,27 @@ def test_rough_ground_stays_so_for_a_second_where_most_frames_show_too_little() 
 
 def test_without_points_nothing_is_known() -> None:
     assert added(Roughness(), PathPoints(*(np.empty(0) for _ in range(6)))) == 0.0
+
+
+def test_while_the_camera_walks_only_what_stays_on_the_ground_is_rough() -> None:
+    """Errors that neighbouring points share pass for bumps while it stands: they repeat themselves then."""
+    walks, stands, even = Roughness(), Roughness(), points_seen([(-1.0, 0.0, 6.0, 0.0)])
+    for k in range(9):
+        added(walks, shared_noise(even, k, 0.006), ahead_m=0.06)
+        added(stands, shared_noise(even, 0, 0.006))
+    assert walks.rough_m < ROUGH_M < stands.rough_m
+
+
+def test_low_bumps_are_rough_under_noise_that_is_larger() -> None:
+    walks = Roughness()
+    for k in range(9):
+        added(walks, shared_noise(bumpy(0.006, 0.06 * k), k, 0.006), ahead_m=0.06)
+    assert walks.rough_m > ROUGH_M
+
+
+def test_frames_between_which_the_way_is_not_known_are_not_compared() -> None:
+    walks, even = Roughness(), points_seen([(-1.0, 0.0, 6.0, 0.0)])
+    for k in range(9):
+        walks.lose_way()
+        added(walks, shared_noise(even, k, 0.006), ahead_m=0.06)
+    assert walks.rough_m > ROUGH_M
