@@ -17,8 +17,10 @@ from perception.attitude.causes import (
     follow_ground,
     has_slipped,
     judge_distances,
+    look_for_causes,
+    squares_by_part,
 )
-from perception.attitude.error_state import MOUNT, SCALE
+from perception.attitude.error_state import MOUNT, SCALE, SIZE
 from perception.attitude.kalman import AttitudeKalman
 from perception.attitude.state import AttitudeSettings, AttitudeState, GroundMotion
 from perception.motion.ego_motion import EgoMotion
@@ -155,6 +157,25 @@ def test_a_camera_that_slips_by_three_degrees_is_noticed_in_three_seconds(axis_B
     flagged = [_since_walking_s(step.t_ns) for step in followed if step.reason is not Reason.NONE]
     assert 1.0 < flagged[0] < 4.0
     assert followed[-1].reason is Reason.CAMERA_SLIPPED
+
+
+@pytest.mark.parametrize(
+    ("turn_degps", "slip_deg", "let_free"), [(0.5, 25.0, False), (40.0, 0.5, True)], ids=["stands", "walks"]
+)
+def test_what_successive_steps_err_by_alike_tells_of_no_slip(
+    turn_degps: float, slip_deg: float, let_free: bool
+) -> None:
+    """A wearer who stands turns by half a degree a second, and by less than half of that what a slip would show."""
+    kalman, step_s = AttitudeKalman(AttitudeSettings(), Residual()), 0.05
+    state = kalman.new_state()
+    likely = np.diag([math.radians(0.1 * step_s) ** 2] * 3 + [(0.005 * step_s) ** 2] * 3)
+    for k in range(60):
+        turn_rad = math.radians(turn_degps) * step_s * math.sin(2.0 * math.pi * k * step_s)
+        H = np.zeros((6, SIZE))
+        H[:3, MOUNT] = so3.skew(np.array([turn_rad, 0.0, 0.0]))
+        innovation = H[:, MOUNT] @ np.radians((0.0, slip_deg, 0.0))
+        look_for_causes(kalman, state, step_s, innovation, likely, squares_by_part(innovation, likely), H)
+    assert bool(state.covariance[MOUNT, MOUNT].max() > math.radians(1.0) ** 2) is let_free
 
 
 @pytest.mark.parametrize(("along_deg", "across_deg", "slipped"), [(0.1, 0.3, True), (0.3, 0.1, False)])
