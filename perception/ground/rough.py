@@ -61,7 +61,8 @@ def rough_plane(
     cov = np.linalg.inv(design.T @ design) * rough_m**2 * unseen * len(off_m) / bumps
     cov[2, 2] += rough_m**2
     to_abh = np.diag([1.0, 1.0, -1.0])  # h = −c
-    cov = to_abh @ cov @ to_abh + about(region.ahead_m, region.left_m, sole_slope_cov(cells, all_off_m))
+    soles_cov = sole_slope_cov(cells, all_off_m, _SLOPE_OF_ROUGH_PER_M * rough_m)
+    cov = to_abh @ cov @ to_abh + about(region.ahead_m, region.left_m, soles_cov)
     misfit_px = float(np.sqrt(np.mean((all_off_m * misfit_per_m) ** 2)))
     return PlaneFit(Plane((float(a), float(b)), float(-c)), cov, misfit_px, 1.0, rough_m)
 
@@ -109,6 +110,7 @@ _LEAST_OF_CELL = 2
 _LEAST_SEEN = 0.5
 _ACROSS = 0.33  # of simulated flights and steps 5 % leave more, of bumps 12 % less
 _BUMP_M = 0.2
+_SLOPE_OF_ROUGH_PER_M = 8.0  # of a sole, over σ of (1): 5 to 10 on simulated bumps, the more the shorter the region
 _SEEN_BADLY = 0.02
 _DIRECTIONS: FloatArray = np.stack([f(np.radians(15.0 * np.arange(12))) for f in (np.cos, np.sin)])
 _STRIPS: FloatArray = np.stack([f(np.radians(7.5 * np.arange(24))) for f in (np.cos, np.sin)])

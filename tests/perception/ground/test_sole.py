@@ -1,5 +1,7 @@
 """How much a sole may slope otherwise than the region's plane: bumps of known slope, even ground, and walks on both."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -25,6 +27,14 @@ DISPARITY_PX = np.full(len(X), 38.0)
 
 def slope_cov(rise_m: FloatArray) -> FloatArray:
     return sole_slope_cov(RegionCells(np.column_stack((X, Y, rise_m)), REGION), rise_m)
+
+
+def test_where_few_soles_are_seen_slopes_are_as_usual() -> None:
+    usual, short = 0.06, np.abs(X - REGION.ahead_m) < 0.07
+    level = np.column_stack((X, Y, 0.0 * X))
+    cells = RegionCells(level[short], replace(REGION, half_length_m=0.07))
+    np.testing.assert_allclose(sole_slope_cov(cells, 0.0 * X[short], usual), usual**2 * np.eye(2))
+    assert sole_slope_cov(RegionCells(level, REGION), 0.0 * X, usual).max() < 0.1 * usual**2
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
