@@ -16,7 +16,7 @@ and stairs vary along one direction alone: across it, e leaves its median in eac
 
 import numpy as np
 
-from messages.arrays import FloatArray
+from messages.arrays import BoolArray, FloatArray
 from perception.ground.cells import CELL_M, RegionCells
 from perception.ground.plane import Plane, PlaneFit
 from perception.ground.region import FootholdRegion
@@ -29,17 +29,19 @@ def rough_plane(
     """Return the plane of rough ground through points (N, 3) of the `region`; None where that is not what they show.
 
     `misfit_per_m` (N,) is by how many pixels of disparity a point lies off for each metre of height. Where the path is
-    `known` to be rough, nobody asks for edges, which the region would not hold, nor how large bumps are at least.
+    `known` to be rough, nobody asks for edges, which the region would not hold, nor how large bumps are at least, and
+    what a few cells show of something else is left out.
     """
     cells = RegionCells(points_H, region)
-    z_m = points_H[:, 2]
-    size = len(cells.centres)
-    count = np.bincount(cells.place, minlength=size)
-    seen = count >= _LEAST_OF_CELL
+    if known:
+        on_ground = _on_ground(cells, points_H[:, 2], region)
+        if not on_ground.all():
+            points_H, misfit_per_m = points_H[on_ground], misfit_per_m[on_ground]
+            cells = RegionCells(points_H, region)
+    z_m, size = points_H[:, 2], len(cells.centres)
+    seen, design, mean_m = _heights(cells, z_m, region)
     if np.count_nonzero(seen) < _LEAST_SEEN * size:
         return None
-    mean_m = np.bincount(cells.place, z_m, minlength=size)[seen] / count[seen]
-    design = np.column_stack((region.places(cells.centres[seen]), np.ones(np.count_nonzero(seen))))
     (a, b, c), *_ = np.linalg.lstsq(design, mean_m)
     off_m = mean_m - design @ (a, b, c)
     rough_m = float(np.sqrt(off_m @ off_m / (len(off_m) - 3)))
@@ -65,6 +67,32 @@ def rough_plane(
     cov = to_abh @ cov @ to_abh + about(region.ahead_m, region.left_m, soles_cov)
     misfit_px = float(np.sqrt(np.mean((all_off_m * misfit_per_m) ** 2)))
     return PlaneFit(Plane((float(a), float(b)), float(-c)), cov, misfit_px, 1.0, rough_m)
+
+
+def _heights(cells: RegionCells, z_m: FloatArray, region: FootholdRegion) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Return which cells are seen, and of these (n,) the rows (x_k, y_k, 1) of (1), and z_k."""
+    size = len(cells.centres)
+    count = np.bincount(cells.place, minlength=size)
+    seen = count >= _LEAST_OF_CELL
+    design = np.column_stack((region.places(cells.centres[seen]), np.ones(np.count_nonzero(seen))))
+    return seen, design, np.bincount(cells.place, z_m, minlength=size)[seen] / count[seen]
+
+
+def _on_ground(cells: RegionCells, z_m: FloatArray, region: FootholdRegion) -> BoolArray:
+    """Return which points (N,) are in cells that are no chance match, nor a thing, among bumps: at most
+    `_MOST_OUTLIERS` of the cells are one, and lie farther off the plane through the others than bumps do."""
+    seen, design, mean_m = _heights(cells, z_m, region)
+    kept = np.ones(len(mean_m), dtype=np.bool_)
+    for _ in range(_ROUNDS if len(mean_m) > _LEAST_CELLS else 0):
+        off_m = np.abs(mean_m - design @ np.linalg.lstsq(design[kept], mean_m[kept])[0])
+        near = off_m < max(_MOST_SIGMA * 1.4826 * float(np.median(off_m)), LEAST_ROUGH_M)
+        if np.count_nonzero(~near) > _MOST_OUTLIERS * len(near) or (near == kept).all():
+            break
+        kept = near
+    ground = np.ones(len(seen), dtype=np.bool_)
+    ground[seen] = kept
+    on_ground: BoolArray = ground[cells.place]
+    return on_ground
 
 
 def is_scatter(points_H: FloatArray, rise_m: FloatArray, region: FootholdRegion) -> bool:
@@ -104,6 +132,7 @@ def _least_across_m(design: FloatArray, off_m: FloatArray) -> float:
 LEAST_ROUGH_M, MOST_ROUGH_M = 0.008, 0.08
 _STEEPEST = 0.29  # tan 16°: of most stairs the nosings lie on a steeper plane
 _MOST_SIGMA = 4.0
+_MOST_OUTLIERS, _LEAST_CELLS, _ROUNDS = 0.1, 20, 3
 _WITHIN_CELL = 0.5
 _STEP_SHARE = 0.5
 _LEAST_OF_CELL = 2

@@ -91,6 +91,21 @@ def test_where_the_path_is_known_to_be_rough_a_single_bump_that_looks_like_a_ste
     assert np.sqrt(fit.covariance[0, 0]) > 0.05  # a sole on it slopes otherwise than the region
 
 
+@pytest.mark.parametrize(("thing_m", "left_out"), [(0.15, True), (0.26, False)])
+def test_a_small_thing_among_known_bumps_is_left_out_and_a_large_one_makes_the_plane_unsure(
+    thing_m: float, left_out: bool
+) -> None:
+    thing = 0.2 * ((np.abs(X - 0.7) < 0.5 * thing_m) & (np.abs(Y) < 0.5 * thing_m))
+    fit, bare = plane_of(bumps(0.015) + thing, known=True), plane_of(bumps(0.015), known=True)
+    assert plane_of(bumps(0.015) + thing) is None
+    assert fit is not None
+    assert bare is not None
+    assert (fit.rough_m < 1.3 * bare.rough_m) is left_out
+    off_m, middle = fit.plane.abh - bare.plane.abh, np.array([-0.7, 0.0, 1.0])
+    assert abs(middle @ off_m) < np.sqrt(middle @ fit.covariance @ middle)
+    assert (np.abs(off_m[:2]) < np.sqrt(np.diag(fit.covariance)[:2])).all()
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [3, 6])
 def test_on_bumps_of_5_cm_no_valid_ground_is_wrong_and_most_is_valid(seed: int) -> None:
