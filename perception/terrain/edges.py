@@ -110,7 +110,9 @@ def _rising(before: Surface, after: Surface, points: PathPoints, yaw_rad: float)
     foot_m, top_m = before.at(before.to_m), after.at(after.from_m)
     middle = (points.z_m > foot_m + 0.25 * (top_m - foot_m)) & (points.z_m < foot_m + 0.75 * (top_m - foot_m))
     face = middle & (u_m > before.to_m - _FACE_REACH_M) & (u_m < after.from_m + _FACE_REACH_M)
-    line = _line_across(points.x_m[face], points.y_m[face])
+    gap_m = max(after.from_m - before.to_m, BIN_M)
+    about = _Across(0.5 * (before.to_m + after.from_m), yaw_rad, 0.5 * gap_m, _YAW_SD_RAD)
+    line = _line_across(points.x_m[face], points.y_m[face], about)
     if line is None:
         return None
     return _between(before, after, line, line.distance_m)
@@ -128,7 +130,7 @@ def _next_riser(tread: Surface, flight: Sequence[Edge], points: PathPoints, yaw_
     u_m, expected_m = points.along(yaw_rad), other.distance_m + tread_m
     share = (points.z_m - tread.at(0.0) - tread.slope * u_m) / other.rise_m
     face = (share > 0.25) & (share < 0.75) & (np.abs(u_m - expected_m) < _FACE_REACH_M)
-    line = _line_across(points.x_m[face], points.y_m[face])
+    line = _line_across(points.x_m[face], points.y_m[face], _Across(expected_m, yaw_rad, _FACE_REACH_M, _YAW_SD_RAD))
     if line is None or np.ptp(points.y_m[face]) < _LEAST_FACE_M:
         return None
     return Edge(
@@ -148,7 +150,8 @@ def _falling(before: Surface, after: Surface, points: PathPoints, yaw_rad: float
     upper = (np.abs(u_m - before.to_m) < _LIP_REACH_M) & (
         np.abs(points.z_m - before.height_m - before.slope * (u_m - before.middle_m)) < _LIP_HEIGHT_M
     )
-    line = _farthest_across((points.x_m + 0.5 * points.along_m)[upper], points.y_m[upper])
+    about = _Across(before.to_m, yaw_rad, _LIP_REACH_M, _YAW_SD_RAD)
+    line = _farthest_across((points.x_m + 0.5 * points.along_m)[upper], points.y_m[upper], about)
     if line is None:
         return None
     between_rows_m = 0.5 * float(np.median(points.along_m[upper]))
@@ -210,20 +213,24 @@ class _Across:
     yaw_sd_rad: float
 
 
-def _line_across(x_m: FloatArray, y_m: FloatArray) -> _Across | None:
-    """Return the robust line x(y) through points (n,), or None where too few show it."""
+def _line_across(x_m: FloatArray, y_m: FloatArray, about: _Across) -> _Across | None:
+    """Return the robust line x(y) through points (n,), of lines `about` which it is, or None where too few show it: a
+    few points side by side tell little of how it is turned."""
     if len(x_m) < _LEAST_POINTS:
         return None
     design = np.column_stack((np.ones_like(y_m), y_m))
     weight = np.ones_like(x_m)
-    solution, normal, scale_m = np.array([np.median(x_m), 0.0]), np.eye(2), _LINE_FLOOR_M
+    expected = np.array([about.distance_m, -np.tan(about.yaw_rad)])
+    alike = min(len(x_m), _POINTS_ALIKE)
+    information = alike * np.diag([about.distance_sd_m**-2, np.tan(about.yaw_sd_rad) ** -2])
+    solution, normal, scale_m = np.array([np.median(x_m), expected[1]]), np.eye(2), _LINE_FLOOR_M
     for _ in range(_ITERATIONS):
-        normal = design.T @ (weight[:, None] * design) + np.diag([_TINY, _YAW_SIGMA**-2 * scale_m**2])
-        solution = np.linalg.solve(normal, design.T @ (weight * x_m))
+        normal = design.T @ (weight[:, None] * design) + scale_m**2 * information
+        solution = np.linalg.solve(normal, design.T @ (weight * x_m) + scale_m**2 * information @ expected)
         off_m = np.abs(x_m - design @ solution)
         scale_m = max(_LINE_FLOOR_M, 1.4826 * float(np.median(off_m)))
         weight = np.clip(1.0 - (off_m / (4.685 * scale_m)) ** 2, 0.0, None) ** 2
-    cov = np.linalg.inv(normal) * scale_m**2 * min(len(x_m), _POINTS_ALIKE)
+    cov = np.linalg.inv(normal) * scale_m**2 * alike
     return _Across(
         distance_m=float(solution[0]),
         yaw_rad=-float(np.arctan(solution[1])),
@@ -232,8 +239,8 @@ def _line_across(x_m: FloatArray, y_m: FloatArray) -> _Across | None:
     )
 
 
-def _farthest_across(x_m: FloatArray, y_m: FloatArray) -> _Across | None:
-    """Return the line through the farthest points of each strip of the path."""
+def _farthest_across(x_m: FloatArray, y_m: FloatArray, about: _Across) -> _Across | None:
+    """Return the line, of lines `about` which it is, through the farthest points of each strip of the path."""
     if len(x_m) < _LEAST_POINTS:
         return None
     strip = np.floor((y_m - y_m.min()) / _STRIP_M).astype(np.intp)
@@ -241,7 +248,7 @@ def _farthest_across(x_m: FloatArray, y_m: FloatArray) -> _Across | None:
     last = np.flatnonzero(np.diff(strip[order], append=strip.max() + 1))
     few = np.bincount(strip)[strip[order][last]] < _LEAST_OF_STRIP
     ends = order[last[~few]]
-    return _line_across(x_m[ends], y_m[ends])
+    return _line_across(x_m[ends], y_m[ends], about)
 
 
 OFFSET_PX = 0.15
@@ -272,7 +279,7 @@ _STRIP_M = 0.02
 _LEAST_OF_STRIP = 2
 _LEAST_POINTS = 8
 _LINE_FLOOR_M = 0.004
-_YAW_SIGMA = 0.5
+_YAW_SD_RAD = 0.3
+"""By how much edges are turned otherwise than the last ones were."""
 _POINTS_ALIKE = 8
 _ITERATIONS = 4
-_TINY = 1e-9
