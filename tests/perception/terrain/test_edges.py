@@ -221,6 +221,20 @@ def test_an_edge_at_an_angle_is_found_with_its_yaw(yaw_deg: float) -> None:
     assert edge.rise_m == pytest.approx(0.15, abs=0.01)
 
 
+@pytest.mark.parametrize("skewed_deg", [-50.0, 50.0])
+def test_a_face_of_which_a_few_points_are_seen_is_not_turned_as_these_lie(skewed_deg: float) -> None:
+    """Matches at the border of what is textured lie askew, and close together tell nothing of the whole width."""
+    points = points_seen(flight(1.0, 0.17, 0.28, 3))
+    face = (np.abs(points.x_m - 1.0) < 0.02) & (points.z_m > 0.02 - 0.95) & (points.z_m < 0.15 - 0.95)
+    seen = (points.y_m > 0.08) & (points.y_m < 0.16)
+    askew_m = points.x_m + np.where(face, np.tan(np.radians(skewed_deg)) * (points.y_m - 0.12), 0.0)
+    _, edges = found(replace(points, x_m=askew_m).where(~face | seen))
+    first = nearest(edges, 1.0)
+    assert first.distance_m == pytest.approx(1.0, abs=0.05)
+    assert abs(np.degrees(first.yaw_rad)) < 20.0
+    assert abs(first.yaw_rad) < 2.5 * first.yaw_sd_rad
+
+
 def test_what_the_matcher_puts_along_the_line_of_sight_is_no_surface() -> None:
     _, edges = found(points_seen(flight(0.6, -0.17, 0.28, 8)))
     assert all(edge.rise_m == pytest.approx(-0.17, abs=0.02) for edge in edges if edge.distance_m < 1.0)
