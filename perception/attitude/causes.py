@@ -9,8 +9,9 @@ tells, beyond its own deviation, of a turn (the gyroscope's bias has jumped, or 
 ground accelerates: a bus, a lift) or of a camera that has slipped on its mount. What the likeliest cause would change
 is then let free in the filter, whose next steps say how much it is.
 
-A camera that has slipped turns each turn a little. Where there is hardly one, as of a wearer who stands, that would be
-less than what successive steps err by alike: the same corners, matched alike. So much of each turn tells of no slip.
+A slip by an angle θ shows as the share θ of each turn. While the wearer stands there is hardly a turn, and that share
+is less than what successive steps err by alike, since the same corners are matched alike. Such an error is no evidence
+of a slip: its variance is added to L in the sum for one.
 """
 
 import math

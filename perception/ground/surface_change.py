@@ -97,7 +97,7 @@ def apart_cov(plane: Plane, cov: FloatArray, region: FootholdRegion, path: PathA
 def beside_bend_cov(region: FootholdRegion, path: PathAhead) -> FloatArray:
     """Return the covariance (3, 3) of (a, b, h) by which the planes to either side of a bend are apart that is so near
     to the middle of a region that either may be there; nothing tells there how the bend is turned."""
-    bend = path.bend_near(region.ahead_m, region.left_m, _BEND_SD_M)
+    bend = path.bend_near(region.ahead_m, region.left_m, _BESIDE_BEND_M)
     return about(region.ahead_m, region.left_m, (0.5 * bend) ** 2 * np.eye(2))
 
 
@@ -113,7 +113,7 @@ def _to_place(region: FootholdRegion) -> FloatArray:
 
 
 _CONTRADICTS = 13.8  # χ² of two, of which 0.1 % exceed it
-_BEND_SD_M = 0.05
-"""How far from where two lines of a profile meet the slope may change."""
+_BESIDE_BEND_M = 0.05
+"""As far from where two lines of a profile meet the slope may change."""
 _SLOPE_SD, _HEIGHT_SD_M = 0.03, 0.012
 """What a profile of the frame before may be off, beside what it states: matching is worse there than in the region."""

@@ -30,8 +30,8 @@ class InnerMotion:
 
     `foretold` (6, 6) is the covariance of the constant rate and velocity by which it may be off, None where nothing is
     foretold; `noise` (6,) are the deviations of a mean rate and a mean velocity that follow from a shape that is not
-    quite this. `lacks` (6,) are those of a constant angular and a constant linear acceleration by which it may be off,
-    None where the shape is known.
+    quite this. `acceleration_sd` (6,) are those of a constant angular and a constant linear acceleration by which it
+    may be off, None where the shape is known.
     """
 
     t_s: FloatArray
@@ -39,7 +39,7 @@ class InnerMotion:
     p_m: FloatArray
     foretold: FloatArray | None
     noise: FloatArray
-    lacks: FloatArray | None
+    acceleration_sd: FloatArray | None
 
     def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return R (n, 3, 3) and p (n, 3) at `t_s` (n,): on the line between two samples, which are close together."""
@@ -50,7 +50,7 @@ class InnerMotion:
 def steady_motion(rates: FloatArray) -> InnerMotion:
     """Return the motion at constant `rates` (6,), angular first, for as long as any step lasts."""
     R = so3.matrices_from_rotvecs(np.outer(_STEADY_S, rates[:3]))
-    return InnerMotion(_STEADY_S, R, np.outer(_STEADY_S, rates[3:]), None, _STEADY_NOISE, _STEADY_LACKS)
+    return InnerMotion(_STEADY_S, R, np.outer(_STEADY_S, rates[3:]), None, _STEADY_NOISE, _STEADY_ACCELERATION_SD)
 
 
 class RecentSamples:
@@ -126,7 +126,7 @@ class RecentSamples:
 
 
 def _turns_only(times_s: FloatArray, R: FloatArray, p_m: FloatArray) -> InnerMotion:
-    return InnerMotion(times_s, R, p_m, None, _TURNS_ONLY_NOISE, _TURNS_ONLY_LACKS)
+    return InnerMotion(times_s, R, p_m, None, _TURNS_ONLY_NOISE, _TURNS_ONLY_ACCELERATION_SD)
 
 
 def _at(times_s: Sequence[float], quaternions: Sequence[Quaternion], t_s: float) -> Quaternion:
@@ -145,5 +145,5 @@ _STEADY_NOISE = np.repeat((0.06, 0.03), 3)
 """rad/s and m/s: what the steps of a walk are off by where their rates are taken as constant."""
 _TURNS_ONLY_NOISE = np.repeat((0.005, 0.01), 3)
 """rad/s and m/s: where only the velocity is."""
-_STEADY_LACKS, _TURNS_ONLY_LACKS = np.repeat((3.0, 3.0), 3), np.repeat((0.2, 3.0), 3)
+_STEADY_ACCELERATION_SD, _TURNS_ONLY_ACCELERATION_SD = np.repeat((3.0, 3.0), 3), np.repeat((0.2, 3.0), 3)
 """rad/s² and m/s²: of a walker; 3 m/s² is also what of gravity counts as motion where the vertical is off by 18°."""

@@ -101,7 +101,7 @@ class PointsInStep:
         seen = np.ascontiguousarray((R1T @ inside).transpose(2, 1, 0))
         self._by_rates, self._steady, self._travel = seen[:6], seen[6], seen[7]
         self._intervals_s, self._middle_s, self._to_s = to_s - from_s, 0.5 * (from_s + to_s), to_s
-        self._disparity, self._lacks = disparity, inner.lacks
+        self._disparity, self._acceleration_sd = disparity, inner.acceleration_sd
         self.places: FloatArray = (points_C[:, :2] / points_C[:, 2:]).T
 
     def moved(self, rates: FloatArray) -> FloatArray:
@@ -138,14 +138,14 @@ class PointsInStep:
         return flow
 
     def with_accelerations(self, flow: FloatArray) -> FloatArray:
-        """Return `flow` (6, 2, N), and where `inner` may lack accelerations, that by these below it (12, 2, N): rates
-        that grow by a move a point as constant ones of a (t₀ + t₁) / 2 do."""
-        return flow if self._lacks is None else np.concatenate((flow, self._middle_s * flow))
+        """Return `flow` (6, 2, N), and where `inner` leaves accelerations unknown, the derivatives by these below it
+        (12, 2, N): rates that grow by a move a point as constant ones of a (t₀ + t₁) / 2 do."""
+        return flow if self._acceleration_sd is None else np.concatenate((flow, self._middle_s * flow))
 
     @property
-    def accelerations(self) -> FloatArray:
-        """Return their deviations (6,), or (0,) where there are none."""
-        return np.zeros(0) if self._lacks is None else self._lacks
+    def acceleration_sd(self) -> FloatArray:
+        """Return the deviations (6,) of these accelerations, or (0,) where they are known."""
+        return np.zeros(0) if self._acceleration_sd is None else self._acceleration_sd
 
 
 def solve(
@@ -272,12 +272,16 @@ def _bend(
     noise: float,
 ) -> Bend:
     """Return what is told of disparities that are too small by (b, c) · places: least squares of r = h (b, c) · places,
-    what else moves the points eliminated (Schur): the motion's six unknowns, and the accelerations that it may lack."""
+    what else moves the points eliminated (Schur): the motion's six unknowns, and accelerations that are not known.
+
+    `weight` (N,) is that of a misfit along h, hᵀ r; `weighted_flow` is `flow` (6, 2, N) times the inverse covariance of
+    all misfits r.
+    """
     places = weight * points.places
     unknowns, weighted_unknowns = points.with_accelerations(flow), points.with_accelerations(weighted_flow)
     count = len(unknowns)
     normal = weighted_unknowns.reshape(count, -1) @ unknowns.reshape(count, -1).T
-    normal[range(6, count), range(6, count)] += (noise / points.accelerations) ** 2
+    normal[range(6, count), range(6, count)] += (noise / points.acceleration_sd) ** 2
     with_unknowns = (h * unknowns).sum(axis=1) @ places.T
     eliminated = np.linalg.solve(normal, with_unknowns).T
     information = ((h * h).sum(axis=0) * places) @ points.places.T - eliminated @ with_unknowns

@@ -6,7 +6,8 @@ b show of the same cells, between which the camera has moved, has bumps in commo
 
     r² = (1.4826 med |v_a + v_b|)² / 4 − (1.4826 med |v_a − v_b|)² / 4                                          (1)
 
-While the camera stands errors repeat themselves. Then, with w what each point is off the mean of its cell,
+It is the mean over the two frames before. While the camera stands errors repeat themselves. Then, with w what each
+point is off the mean of its cell,
 
     r² = (1.4826 med |v|)² − (k 1.4826 med |w|)²,                                                               (2)
 

@@ -36,7 +36,7 @@ def bend(
     rates = np.concatenate((chance.normal(0.0, 0.5, 3), speed_mps * np.array([0.05, -0.6, 0.8])))
     expected, times_s = steady_motion(rates), ROW_S * rays[:, 1]
     if accelerates is None:
-        truly = expected = replace(expected, lacks=None)
+        truly = expected = replace(expected, acceleration_sd=None)
     else:
         truly = replace(expected, p_m=expected.p_m + 0.5 * np.outer(expected.t_s**2, accelerates))
     moved_C = PointsInStep(points_C, BASELINE_M / points_C[:, 2], times_s, times_s + STEP_S, truly).moved(np.zeros(6))
