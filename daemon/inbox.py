@@ -8,7 +8,7 @@ that holds until the next one, for there are few of them.
 import threading
 from collections import deque
 
-from messages import DropCause, DroppedFrame, Frame, Input, LastingInput
+from messages import DropCause, DroppedFrame, Frame, ImuSample, Input, LastingInput, Tick
 
 
 class Inbox:
@@ -37,6 +37,15 @@ class Inbox:
             if not self._waiting:
                 self._arrived.wait(timeout_s)
             return self._waiting.popleft() if self._waiting else None
+
+    def get_sample_or_tick(self) -> ImuSample | Tick | None:
+        """Return the oldest message if it is one of these, without waiting; else leave it and return None."""
+        with self._arrived:
+            oldest = self._waiting[0] if self._waiting else None
+            if not isinstance(oldest, ImuSample | Tick):
+                return None
+            self._waiting.popleft()
+            return oldest
 
     def _make_room(self) -> None:
         for place, waiting in enumerate(self._waiting):

@@ -3,7 +3,7 @@
 Live, replay and simulation drive this same object; the silence of a device is seen through the ticks.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from daemon.config import parse_configuration
 from daemon.health import HealthMonitor
@@ -112,7 +112,9 @@ class Pipeline:
         self._setpoints = setpoints
         self._tells_terrain = tells_terrain
         self._kind = TerrainKind.UNKNOWN
+        self._come_meanwhile: Callable[[], Iterable[ImuSample | Tick]] = tuple
         self._pictures_are_wrong = False  # as far as the ground of the frame before knows
+        self._pictures_are_late = False  # as far as the motion of the frame before knows
         self._waiting: Frame | None = None
         self._imu_arrival_ns: int | None = None
         self._newest_sample_ns: int | None = None
@@ -144,6 +146,11 @@ class Pipeline:
     def match_path_beside(self, beside: Beside) -> None:
         """Let another thread, always the same, match the path while the rest is done; the estimates are the same."""
         self._terrain.beside = beside
+
+    def let_first(self, come_meanwhile: Callable[[], Iterable[ImuSample | Tick]]) -> None:
+        """Take the samples and ticks that `come_meanwhile` gives, the next inputs of all, before the terrain of a frame
+        whose ground has been told; the estimates are the same, and what they say is known sooner."""
+        self._come_meanwhile = come_meanwhile
 
     def step(self, message: Input) -> Iterator[Estimate]:
         """Take one input, in the order of arrival, and yield the estimates that it completes, each when it is ready.
@@ -182,8 +189,7 @@ class Pipeline:
         self._imu_silent = False
         self._motion.add_sample(sample)
         attitude = self._attitude.add_sample(sample)
-        pictures_are_late = self._motion.reason is Reason.TIME_INCONSISTENT
-        if self._attitude.contradiction is Reason.IMU_INCONSISTENT and not pictures_are_late:
+        if self._attitude.contradiction is Reason.IMU_INCONSISTENT and not self._pictures_are_late:
             attitude = self._attitude.invalid_at(sample.t_sample_ns, Reason.IMU_INCONSISTENT)
         yield attitude
         yield self._propagated(attitude)
@@ -259,14 +265,28 @@ class Pipeline:
             yield self._setpoints.setpoint(ground, foothold, self._kind)
         self._propagate(ground, placed)
         yield self._motion_of(frame.header, placed)
-        if tells_terrain:
-            terrain = self._terrain_of(frame, placed, ground, matching)
-            self._kind = terrain.kind
-            yield self._gait.with_foothold(terrain, steps, ground, path)
         if follows:
-            self._motion.finish_frame()
+            self._motion.judge_clock()
+        self._pictures_are_late = self._motion.reason is Reason.TIME_INCONSISTENT
         if self._contradiction is Reason.NONE and self._attitude.is_confirmed:
             self._attitude.checkpoint()
+        if tells_terrain:
+            placed = self._placed_on_path(placed, ground)
+            distance_scale = self._attitude.distance_scale
+            yield from self._estimates_meanwhile()
+            terrain = self._terrain_of(frame, placed, ground, distance_scale, matching)
+            self._kind = terrain.kind
+            yield self._gait.with_foothold(terrain, steps, ground, path)
+        yield from self._estimates_meanwhile()
+        if follows:
+            self._motion.finish_frame()
+
+    def _estimates_meanwhile(self) -> Iterator[Estimate]:
+        """Take what may go first. Nothing after this in a frame depends on it, so that a recording, where it comes
+        after the frame, gives the same."""
+        for message in self._come_meanwhile():
+            self._health.count_input(message)
+            yield from self._estimates(message)
 
     def _add_camera_step(self, step: CameraStep) -> None:
         if self._motion.step_is_sound and not self._pictures_are_wrong:
@@ -333,16 +353,22 @@ class Pipeline:
             return self._odometry.no_motion(header.t_exposure_ns, header.seq, Reason.LOW_TEXTURE)
         return self._odometry.motion(header.t_exposure_ns, header.seq, movement)
 
-    def _terrain_of(
-        self, frame: Frame, placed: AttitudeAt | Reason, ground: GroundPlane, matching: PathMatching | None
-    ) -> Terrain:
-        """Return the terrain; why there is no `ground` holds for it too where the pictures are wrong."""
+    def _placed_on_path(self, placed: AttitudeAt | Reason, ground: GroundPlane) -> AttitudeAt | Reason:
+        """Return the attitude for the terrain, which has none where the `ground` has none for wrong pictures."""
         if not isinstance(placed, Reason) and ground.reason in PICTURES_WRONG:
-            placed = ground.reason
-        elif not isinstance(placed, Reason) and not self._attitude.is_confirmed:
-            placed = Reason.UNCONFIRMED
-        elif self._ground.is_ambiguous(frame.header.t_exposure_ns):
-            placed = self._ambiguous_path()
+            return ground.reason
+        if not isinstance(placed, Reason) and not self._attitude.is_confirmed:
+            return Reason.UNCONFIRMED
+        return self._ambiguous_path() if self._ground.is_ambiguous(ground.t_exposure_ns) else placed
+
+    def _terrain_of(
+        self,
+        frame: Frame,
+        placed: AttitudeAt | Reason,
+        ground: GroundPlane,
+        distance_scale: float,
+        matching: PathMatching | None,
+    ) -> Terrain:
         if isinstance(placed, Reason):
             return self._terrain.no_terrain(frame.header.t_exposure_ns, frame.header.seq, placed)
         terrain = self._terrain.estimate(
@@ -351,7 +377,7 @@ class Pipeline:
             placed.w_WB_B,
             placed.v_W_mps,
             height_rate_mps=placed.vertical_swing_mps,
-            distance_scale=self._attitude.distance_scale,
+            distance_scale=distance_scale,
             ground=ground,
             matching=matching,
         )
@@ -369,7 +395,7 @@ class Pipeline:
         ground = self._no_ground(t_ns, seq, reason)
         yield ground
         if self._setpoints is not None:
-            yield self._setpoints.setpoint(ground, NextFoothold.unknown(self._gait.side), self._kind)
+            yield self._setpoints.setpoint(ground, NextFoothold.unknown(self._gait.side), TerrainKind.UNKNOWN)
         yield self._odometry.no_motion(t_ns, seq, reason)
         yield self._terrain.no_terrain(t_ns, seq, reason)
 

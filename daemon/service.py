@@ -40,6 +40,7 @@ from messages import (
     DropCause,
     DroppedFrame,
     Frame,
+    ImuSample,
     Input,
     LoadLevel,
     RecordingState,
@@ -313,6 +314,7 @@ class Service:
         )
 
     def _run_pipeline(self) -> None:
+        self._pipeline.let_first(self._samples_and_ticks)
         if _CORES == 1:
             self._run_steps()
             return
@@ -351,13 +353,22 @@ class Service:
                     message = DroppedFrame(header=message.header, cause=DropCause.LATE)
                 else:
                     self._outgoing.expect_ground_of(message.header)
-            if self._recorder is not None:
-                self._recorder.offer(message)
+            self._record(message)
             if self._pictures is not None and isinstance(message, Frame):
                 self._pictures.add_frame(message)
             for estimate in self._pipeline.step(message):
                 self._outgoing.send(estimate, taken_ns, time.monotonic_ns, self.latency)
             self._pipeline_busy_ns = time.thread_time_ns()
+
+    def _samples_and_ticks(self) -> Iterator[ImuSample | Tick]:
+        """Yield what waits in the inbox before anything else does."""
+        while (message := self._inbox.get_sample_or_tick()) is not None:
+            self._record(message)
+            yield message
+
+    def _record(self, message: Input) -> None:
+        if self._recorder is not None:
+            self._recorder.offer(message)
 
     def _run_background(self, name: str, work: Background) -> None:
         while not self._producers_ended.is_set():

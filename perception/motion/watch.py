@@ -104,9 +104,12 @@ class MotionWatch:
             motion.common_rad,
         )
 
+    def judge_clock(self) -> None:
+        """Judge the last second, samples up to the newest, once the estimate has left."""
+        if self._eyes is not None:
+            self._clock.update()
+
     def finish_frame(self) -> None:
-        """Judge the last second and prepare the next frame, once the estimate has left."""
-        if self._eyes is None:
-            return
-        self._eyes.finish_frame()
-        self._clock.update()
+        """Judge the eyes' rows and prepare the next frame: the same, whatever samples have come since this one."""
+        if self._eyes is not None:
+            self._eyes.finish_frame()

@@ -7,6 +7,8 @@ from messages import (
     DropCause,
     DroppedFrame,
     FrameHeader,
+    ImuSample,
+    Input,
     LastingInput,
     Load,
     LoadLevel,
@@ -21,12 +23,34 @@ def frame(seq: int) -> StereoFrame:
     return StereoFrame(header=header, left=np.zeros((4, 4), np.uint8), right=np.zeros((4, 4), np.uint8))
 
 
+def sample(seq: int) -> ImuSample:
+    return ImuSample(
+        seq=seq,
+        t_sample_ns=seq,
+        t_arrival_ns=seq,
+        sf_B_mps2=(0.0, 0.0, 9.81),
+        w_WB_B_radps=(0.0, 0.0, 0.0),
+        temperature_degC=20.0,
+    )
+
+
 def test_messages_come_out_in_the_order_they_went_in() -> None:
     inbox = Inbox()
     for t in range(5):
         inbox.put(Tick(t_ns=t))
     assert [inbox.get(0.0) for _ in range(5)] == [Tick(t_ns=t) for t in range(5)]
     assert inbox.get(0.0) is None
+
+
+def test_only_samples_and_ticks_go_first_and_only_while_they_are_the_oldest() -> None:
+    inbox = Inbox()
+    assert inbox.get_sample_or_tick() is None
+    sent: list[Input] = [sample(1), Tick(t_ns=2), frame(1), sample(3)]
+    for message in sent:
+        inbox.put(message)
+    assert [inbox.get_sample_or_tick() for _ in range(4)] == [*sent[:2], None, None]
+    assert inbox.get(0.0) is sent[2]
+    assert inbox.get_sample_or_tick() is sent[3]
 
 
 def test_a_newer_frame_supersedes_the_waiting_one_and_leaves_its_header() -> None:

@@ -16,10 +16,12 @@ import pytest
 
 from daemon import service as service_module
 from daemon.pipeline import Pipeline
+from daemon.recorder import Recorder
 from daemon.service import LATE_NS, Devices, Service, tick_time_ns
 from daemon.stamping import Stamper
 from daemon.state_file import StateKeeper
 from drivers.protocols import DeviceError
+from drivers.recording.recording import McapRecording
 from messages import (
     Attitude,
     Calibration,
@@ -29,6 +31,7 @@ from messages import (
     FrameHeader,
     GroundPlane,
     Health,
+    ImuSample,
     Input,
     Learnt,
     Reason,
@@ -41,10 +44,12 @@ from messages import (
     ZenohHealth,
 )
 from perception.ground.foothold import FootholdSettings
+from perception.motion.watch import MotionWatch
 from perception.terrain import estimator
 from perception.terrain.path_matching import MatchedBand
 from sim_rig.unit import draw_unit
 from tests.bench.quiet_devices import GreyCamera, QuietImu
+from tests.bench.recorded import INFO
 
 
 class Listener:
@@ -75,13 +80,14 @@ def calibration() -> Calibration:
 class Rig:
     """One service on fakes."""
 
-    def __init__(self, calibration: Calibration) -> None:
+    def __init__(self, calibration: Calibration, recorder: Recorder | None = None) -> None:
         self.imu, self.camera, self.listener = QuietImu(), GreyCamera(), Listener()
         self.service = Service(
             Pipeline(calibration, FootholdSettings()),
             Devices(imu=self.imu, camera=self.camera),
             [self.listener],
             Stamper("test", "boot", Source.LIVE),
+            recorder=recorder,
             zenoh_health=lambda: ZenohHealth(insecure=True, malformed=1, refused=2),
         )
 
@@ -235,6 +241,21 @@ def test_a_bug_there_stops_the_service_even_where_no_frame_asks_for_its_path(
     monkeypatch.setattr(Pipeline, "_placed", lambda *_: Reason.IMU_INCONSISTENT)
     with pytest.raises(ServiceError, match="thread pipeline of the service died"):
         rig.service.run(20.0)
+
+
+def test_samples_that_come_before_a_frame_is_done_with_are_told_before_its_terrain(
+    calibration: Calibration, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(MotionWatch, "judge_clock", lambda _: time.sleep(0.03))
+    rig = Rig(calibration, Recorder(tmp_path / "walk.mcap", INFO))
+    letters: dict[type, str] = {GroundPlane: "g", Attitude: "a", Terrain: "t"}
+
+    def told() -> str:
+        return "".join(letters.get(type(each), "") for each, _ in rig.listener.heard)
+
+    rig.until("samples between a ground and its terrain", lambda: re.search("ga+t", told()) is not None)
+    recorded = [each for each in McapRecording(tmp_path / "walk.mcap").inputs() if isinstance(each, ImuSample)]
+    assert len(recorded) == told().count("a") > 0
 
 
 def test_no_more_than_one_path_waits_for_the_thread(rig: Rig) -> None:
