@@ -2,7 +2,8 @@
 
     python -m benchmarks.ground
 
-- this project: the foothold region alone, three-way matching at half size, robust fit in disparity space;
+- this project: the foothold region alone, three-way matching at half size, robust fit in disparity space; at full
+  size as well, as `matching_width_px` sets for a recording;
 - the thesis: semi-global matching of the whole frame at full size, least squares on z (its Eq. 8) over the region;
 - consensus: the same matching, RANSAC on points (1 cm), then least squares; the usual recipe.
 """
@@ -16,6 +17,7 @@ import numpy as np
 
 from messages import StereoFrame
 from messages.arrays import FloatArray
+from messages.constants import MATCHING_WIDTH_PX
 from perception.depth.rectify import Rectifier, Window
 from perception.ground.foothold import FootholdSettings
 from perception.ground.meter import GroundMeter
@@ -65,9 +67,9 @@ def scenes(seed: int) -> tuple[SimulatedWearer, list[Scene]]:
     return wearer, found
 
 
-def this_project(wearer: SimulatedWearer) -> Method:
+def this_project(wearer: SimulatedWearer, matching_width_px: int) -> Method:
     """Return the daemon's own way, one frame at a time, without memory."""
-    meter = GroundMeter(wearer.calibration.stereo, wearer.calibration.residual)
+    meter = GroundMeter(wearer.calibration.stereo, wearer.calibration.residual, matching_width_px)
 
     def measure(scene: Scene) -> Plane | None:
         images, rates = scene.frame.images, (scene.w_C_radps, scene.height_rate_mps)
@@ -128,7 +130,8 @@ def main() -> None:
     for seed in SEEDS:
         wearer, frames = scenes(seed)
         methods = {
-            "this project": this_project(wearer),
+            "this project": this_project(wearer, MATCHING_WIDTH_PX),
+            "the same, full size": this_project(wearer, wearer.calibration.stereo.left.width_px),
             "thesis, Eq. 8": whole_frame(wearer, consensus=False),
             "consensus": whole_frame(wearer, consensus=True),
         }

@@ -87,6 +87,8 @@ class Reloader:
         self._service.put(Reconfigured(t_ns=time.monotonic_ns(), configuration=format_configuration(new)))
         if calibration.id != self._calibration.id:
             log.warning("reload: calibration %s takes effect at the next start", calibration.id)
+        if new.foothold.matching_width_px != old.foothold.matching_width_px:
+            log.warning("reload: the new foothold.matching_width_px takes effect at the next start")
         for section in AT_THE_NEXT_START:
             if getattr(new, section) != getattr(old, section):
                 log.warning("reload: the new %s takes effect at the next start", section)

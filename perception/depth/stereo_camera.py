@@ -8,6 +8,7 @@ import numpy as np
 
 from messages import Image, StereoCalibration
 from messages.arrays import FloatArray, GreyImage
+from messages.constants import MATCHING_WIDTH_PX
 from perception.depth.disparity import DisparityPatch, OutOfRangeError, View
 from perception.depth.eye_shifts import EyeShifts, find_shifts
 from perception.depth.matcher import DisparityRange, SemiGlobalMatcher
@@ -19,11 +20,10 @@ from perception.depth.repeats import Repeats, find_repeats
 class StereoCamera:
     """A DisparityCamera whose frames are a left and a right image, matched at about `matching_width_px`."""
 
-    matching_width_px = 640
     scale_residual = 0.0
 
-    def __init__(self, stereo: StereoCalibration) -> None:
-        self.rectifier = Rectifier(stereo, max(1, round(stereo.left.width_px / self.matching_width_px)))
+    def __init__(self, stereo: StereoCalibration, matching_width_px: int = MATCHING_WIDTH_PX) -> None:
+        self.rectifier = Rectifier(stereo, max(1, round(stereo.left.width_px / matching_width_px)))
         self._lens = stereo.left
         self._matcher = SemiGlobalMatcher(self.rectifier)
         self._wide_matcher = SemiGlobalMatcher(self.rectifier, speckle_px=_SPECKLE_PX)

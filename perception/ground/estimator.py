@@ -44,7 +44,7 @@ class GroundEstimator:
         self._region = foothold.region
         self._change = SurfaceChange()
         self._lasting_cov = np.zeros((3, 3))
-        self._meter = GroundMeter(calibration.camera, calibration.residual)
+        self._meter = GroundMeter(calibration.camera, calibration.residual, foothold.matching_width_px)
         self._tracker = PlaneTracker(TrackingSettings())
         self._repetition = RepetitionWatch()
         self._view = ViewCheck(self._meter)

@@ -5,6 +5,7 @@ from typing import Annotated
 import msgspec
 
 from messages import Side
+from messages.constants import MATCHING_WIDTH_PX
 from perception.ground.region import FootholdRegion
 
 
@@ -16,6 +17,9 @@ class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True):
     looked for `nominal_height_m` below the camera, give or take `height_margin_m`, and in every second frame elsewhere
     (`first_search`); afterwards it may rise or fall by `step_m` from one frame to the next (a stair is 0.17 m, a high
     kerb 0.25 m).
+
+    Pictures of a pair are reduced to about `matching_width_px` before they are matched, from the start of a run. Twice
+    as wide takes four times as long, which a recording has (docs/results/ground.md says what it gains).
     """
 
     side: Side = Side.RIGHT
@@ -25,6 +29,7 @@ class FootholdSettings(msgspec.Struct, frozen=True, kw_only=True):
     nominal_height_m: Annotated[float, msgspec.Meta(ge=0.3, le=2.0)] = 0.95
     height_margin_m: Annotated[float, msgspec.Meta(ge=0.05, le=1.0)] = 0.35
     step_m: Annotated[float, msgspec.Meta(ge=0.05, le=0.5)] = 0.25
+    matching_width_px: Annotated[int, msgspec.Meta(ge=320, le=2560)] = MATCHING_WIDTH_PX
 
     @property
     def region(self) -> FootholdRegion:

@@ -8,6 +8,7 @@ import numpy as np
 
 from messages import DepthCalibration, Image, Reason, Residual, StereoCalibration
 from messages.arrays import BoolArray, FloatArray, IntArray
+from messages.constants import MATCHING_WIDTH_PX
 from perception.depth.depth_camera import DepthCamera
 from perception.depth.disparity import DisparityCamera, DisparityPatch, OutOfRangeError
 from perception.depth.eye_shifts import EyeShifts
@@ -74,9 +75,14 @@ class GroundMeter:
     """What interpolation between whole disparities leaves as a common offset (pixel locking), one σ: 14 units of the
     rig whose calibration is exact are off by 1.35 mm and by 0.055° ahead, RMS, which are 0.08 and 0.05 px."""
 
-    def __init__(self, camera: StereoCalibration | DepthCalibration, residual: Residual) -> None:
+    def __init__(
+        self,
+        camera: StereoCalibration | DepthCalibration,
+        residual: Residual,
+        matching_width_px: int = MATCHING_WIDTH_PX,
+    ) -> None:
         self.camera: DisparityCamera = (
-            DepthCamera(camera) if isinstance(camera, DepthCalibration) else StereoCamera(camera)
+            DepthCamera(camera) if isinstance(camera, DepthCalibration) else StereoCamera(camera, matching_width_px)
         )
         self._fitter = PlaneFitter(fB_px_m=self.camera.f_px * self.camera.baseline_m)
         self._residual = residual

@@ -153,7 +153,8 @@ def test_what_cannot_change_while_running_is_said(unit: Unit, caplog: pytest.Log
     def change() -> None:
         save_calibration(unit.path.parent / "calibration.yaml", draw_unit(2).exact_calibration())
         text = unit.path.read_text(encoding="utf-8")
-        unit.path.write_text("device = 'other'\n" + text + "[imu]\nbus = 7\n", encoding="utf-8")
+        other = "device = 'other'\n" + text + "[imu]\nbus = 7\n[foothold]\nmatching_width_px = 1280\n"
+        unit.path.write_text(other, encoding="utf-8")
         unit.reloader.reload()
 
     with caplog.at_level(logging.WARNING, "gaiteyes"):
@@ -161,6 +162,7 @@ def test_what_cannot_change_while_running_is_said(unit: Unit, caplog: pytest.Log
     told = [record.message for record in caplog.records if "next start" in record.message]
     assert [line.split(" takes")[0] for line in told] == [
         f"reload: calibration {draw_unit(2).exact_calibration().id}",
+        "reload: the new foothold.matching_width_px",
         "reload: the new device",
         "reload: the new imu",
     ]

@@ -32,14 +32,20 @@ from sim_rig.wearer import SimulatedWearer
 
 START_NS = 10_000_000_000
 CONTRADICTED = SOUND._replace(contradicts=True)
+AS_SHIPPED = FootholdSettings()
 
 
 def seen(
-    name: str, seed: int, first: int, count: int, spoilt: Callable[[StereoFrame], StereoFrame] = lambda frame: frame
+    name: str,
+    seed: int,
+    first: int,
+    count: int,
+    spoilt: Callable[[StereoFrame], StereoFrame] = lambda frame: frame,
+    foothold: FootholdSettings = AS_SHIPPED,
 ) -> tuple[list[tuple[GroundPlane, GroundTruth]], Calibration]:
     """Return estimates with the true attitude and a perfect calibration, of frames each `spoilt`, and their truth."""
     wearer = SimulatedWearer(seed, scenario(name), START_NS, perfect_calibration=True)
-    estimator = GroundEstimator(wearer.calibration, FootholdSettings())
+    estimator = GroundEstimator(wearer.calibration, foothold)
     pairs = []
     for frame, truth in wearer.frames(count, first=first):
         motion = wearer.gait.at(np.array([frame.header.t_exposure_ns]))
@@ -89,6 +95,15 @@ def test_slope_and_height_agree_with_the_truth_within_what_is_stated(name: str, 
     stated = np.array([ground.covariance for ground, truth in pairs if not truth.transition])[:, [0, 3, 5]]
     within = np.abs(errors(pairs)) <= 1.96 * np.sqrt(stated)
     assert within.mean() > 0.85
+
+
+def test_at_full_width_the_plane_is_steadier() -> None:
+    spread = []
+    for width_px in (640, 1280):
+        pairs, _ = seen("standing", 11, 20, 12, foothold=FootholdSettings(matching_width_px=width_px))
+        assert all(ground.status is Status.VALID for ground, _ in pairs)
+        spread.append(errors(pairs).std(axis=0))
+    assert (spread[1] < 0.8 * spread[0]).all()
 
 
 @pytest.mark.parametrize("nominal_height_m", [0.5, 1.4])
