@@ -1,13 +1,17 @@
 """The edges of the last seconds, fixed in W while the wearer walks over them: each the better known the more frames
 saw it.
 
-An edge is the line n · x = c in W, n = (cos φ, sin φ) its normal. Seen from a camera at p with its heading ψ, a
-distance d along x of H and a yaw ε mean
+An edge is the line n · (x − q) = 0 in W, n = (cos φ, sin φ) its normal and t = (−sin φ, cos φ) along it. Seen from a
+camera at p with its heading ψ, u = (cos ψ, sin ψ), a distance d along x of H and a yaw ε mean
 
-    φ = ψ + ε,      c = n · p + d cos ε.                                                                        (1)
+    q = p + d u,      φ = ψ + ε.                                                                                (1)
 
-c, φ and the rise have a Kalman filter each. What frames have in common (the matcher's offset, attitude) does not
-average out: it is added when an edge is told.
+The offset e of q along n and φ have one Kalman filter, whose covariance is P, the rise has its own. An error δ of φ
+turns the line about q, the place that was seen: where the path crosses it τ farther along, by then, its offset is
+
+    e' = e − τ δ,      τ = t · (p + d u − q),      d = n · (q − p) / n · u.                                     (2)
+
+What frames have in common (the matcher's offset, attitude) does not average out: it is added when an edge is told.
 
 At one place there is one edge: what is seen there is that edge, however high. A rise that contradicts the one known is
 left out, until as many frames in a row do as it takes to forget an edge; then it replaces it. A rise that is only
@@ -16,7 +20,7 @@ inferred does not become surer, and what is measured replaces it.
 From afar treads are slivers that many frames do not show as surfaces. Where known edges, of rises r_k with variances
 P_k, all lie between two surfaces that follow one another in a frame, it measures their sum, s = Σ r_k + n, so that
 
-    r_k ← r_k + P_k (s − Σ r_k) / (Σ P_k + R),      P_k ← P_k − P_k² / (Σ P_k + R).                             (2)
+    r_k ← r_k + P_k (s − Σ r_k) / (Σ P_k + R),      P_k ← P_k − P_k² / (Σ P_k + R).                             (3)
 """
 
 import math
@@ -49,12 +53,11 @@ class MemorySettings:
 
 @dataclass
 class _Known:
-    """One edge: c and φ of (1), the rise, and the variance of each."""
+    """One edge: q (2,) and φ of (1) with P (2, 2), the rise and its variance."""
 
-    c_m: float
-    c_var_m2: float
+    q_W_m: FloatArray
     phi_rad: float
-    phi_var_rad2: float
+    P: FloatArray
     rise_m: float
     rise_var_m2: float
     bound_only: bool
@@ -65,20 +68,46 @@ class _Known:
     """Frames in a row whose rise contradicted this one."""
 
     def in_heading(self, p_W_m: FloatArray, heading_rad: float) -> Edge:
-        """Return the edge as it is seen now, (1)."""
+        """Return the edge as it is seen now."""
+        distance_m, tau_m = self._crossing(p_W_m, heading_rad)
         yaw_rad = math.remainder(self.phi_rad - heading_rad, math.tau)
-        n = np.array([math.cos(self.phi_rad), math.sin(self.phi_rad)])
-        along = math.cos(yaw_rad)
+        var_m2 = self.P[0, 0] - 2.0 * tau_m * self.P[0, 1] + tau_m**2 * self.P[1, 1]
         return Edge(
-            distance_m=float(self.c_m - n @ p_W_m) / along,
-            distance_sd_m=math.hypot(math.sqrt(self.c_var_m2) / along, _DISTANCE_COMMON_M),
+            distance_m=distance_m,
+            distance_sd_m=math.hypot(math.sqrt(var_m2) / math.cos(yaw_rad), _DISTANCE_COMMON_M),
             rise_m=self.rise_m,
             rise_sd_m=math.hypot(math.sqrt(self.rise_var_m2), _RISE_COMMON_M),
             yaw_rad=yaw_rad,
-            yaw_sd_rad=math.sqrt(self.phi_var_rad2),
+            yaw_sd_rad=math.sqrt(self.P[1, 1]),
             bound_only=self.bound_only,
             inferred=self.inferred,
         )
+
+    def fuse_line(self, edge: Edge, p_W_m: FloatArray, heading_rad: float) -> None:
+        """Correct q and φ by an `edge` that a camera at `p_W_m` saw: its distance and its yaw err independently."""
+        distance_m, tau_m = self._crossing(p_W_m, heading_rad)
+        self.q_W_m = p_W_m + distance_m * np.array([math.cos(heading_rad), math.sin(heading_rad)])
+        turned = np.array([[1.0, -tau_m], [0.0, 1.0]])  # (2)
+        self.P = turned @ self.P @ turned.T
+        along = math.cos(self.phi_rad - heading_rad)
+        self._correct(0, (edge.distance_m - distance_m) * along, (edge.distance_sd_m * along) ** 2)
+        self._correct(1, math.remainder(heading_rad + edge.yaw_rad - self.phi_rad, math.tau), edge.yaw_sd_rad**2)
+
+    def _crossing(self, p_W_m: FloatArray, heading_rad: float) -> tuple[float, float]:
+        """Return d and τ of (2)."""
+        x_m, y_m = (self.q_W_m - p_W_m).tolist()
+        cos, sin = math.cos(self.phi_rad), math.sin(self.phi_rad)
+        yaw_rad = self.phi_rad - heading_rad
+        distance_m = (cos * x_m + sin * y_m) / math.cos(yaw_rad)
+        return distance_m, sin * x_m - cos * y_m - distance_m * math.sin(yaw_rad)
+
+    def _correct(self, which: int, off: float, var: float) -> None:
+        """Take in that q (0) or φ (1) is `off` from what it was taken for, with variance `var`."""
+        column = self.P[:, which].copy()
+        share = column / (column[which] + var)
+        self.q_W_m = self.q_W_m + share[0] * off * np.array([math.cos(self.phi_rad), math.sin(self.phi_rad)])
+        self.phi_rad += float(share[1]) * off
+        self.P = self.P - np.outer(share, column)
 
 
 class EdgeMemory:
@@ -134,8 +163,7 @@ class EdgeMemory:
         if dt_s is None:
             self._known.clear()
         for known in self._known:
-            known.c_var_m2 += _POSITION_M_PER_SQRT_S**2 * (dt_s or 0.0)
-            known.phi_var_rad2 += _YAW_RAD_PER_SQRT_S**2 * (dt_s or 0.0)
+            known.P = known.P + _WANDERS * (dt_s or 0.0)
             known.rise_var_m2 += _RISE_M_PER_SQRT_S**2 * (dt_s or 0.0)
 
     def _are_one(self, expected: Edge, edge: Edge) -> bool:
@@ -143,13 +171,8 @@ class EdgeMemory:
         return near and edge.rise_m * expected.rise_m > 0.0
 
     def _fuse(self, known: _Known, edge: Edge, heading_rad: float) -> None:
-        seen = self._new(edge, heading_rad)
-        off_rad = math.remainder(seen.phi_rad - known.phi_rad, math.tau)
-        known.phi_rad, known.phi_var_rad2 = _joined(
-            known.phi_rad, known.phi_var_rad2, known.phi_rad + off_rad, seen.phi_var_rad2
-        )
-        known.c_m, known.c_var_m2 = _joined(known.c_m, known.c_var_m2, seen.c_m, seen.c_var_m2)
-        self._fuse_rise(known, seen)
+        known.fuse_line(edge, self._way.p_W_m, heading_rad)
+        self._fuse_rise(known, self._new(edge, heading_rad))
         known.seen += 1
         known.contradicted = 0
 
@@ -170,7 +193,7 @@ class EdgeMemory:
             known.otherwise = 0
 
     def _fuse_sums(self, surfaces: Sequence[Surface], heading_rad: float) -> None:
-        """Correct drops that this frame shows together, (2)."""
+        """Correct drops that this frame shows together, (3)."""
         lips = sorted(
             ((known.in_heading(self._way.p_W_m, heading_rad).distance_m, known) for known in self._confirmed),
             key=lambda lip: lip[0],
@@ -193,14 +216,11 @@ class EdgeMemory:
                 each.rise_var_m2 *= 1.0 - gain
 
     def _new(self, edge: Edge, heading_rad: float) -> _Known:
-        phi_rad = heading_rad + edge.yaw_rad
-        n = np.array([math.cos(phi_rad), math.sin(phi_rad)])
-        along = math.cos(edge.yaw_rad)
+        u = np.array([math.cos(heading_rad), math.sin(heading_rad)])
         return _Known(
-            c_m=float(n @ self._way.p_W_m) + edge.distance_m * along,
-            c_var_m2=(edge.distance_sd_m * along) ** 2,
-            phi_rad=phi_rad,
-            phi_var_rad2=edge.yaw_sd_rad**2,
+            q_W_m=self._way.p_W_m + edge.distance_m * u,
+            phi_rad=heading_rad + edge.yaw_rad,
+            P=np.diag([(edge.distance_sd_m * math.cos(edge.yaw_rad)) ** 2, edge.yaw_sd_rad**2]),
             rise_m=edge.rise_m,
             rise_var_m2=edge.rise_sd_m**2,
             bound_only=edge.bound_only,
@@ -249,6 +269,7 @@ def _reaching(surfaces: Sequence[Surface], u_m: float) -> Surface | None:
 
 _POSITION_M_PER_SQRT_S = 0.008
 _YAW_RAD_PER_SQRT_S = 0.01
+_WANDERS = np.diag([_POSITION_M_PER_SQRT_S**2, _YAW_RAD_PER_SQRT_S**2])
 _RISE_M_PER_SQRT_S = 0.01
 _DISTANCE_COMMON_M = 0.006
 _RISE_COMMON_M = 0.002

@@ -173,3 +173,34 @@ def test_turning_on_the_spot_moves_an_edge(heading_rad: float, yaw_rad: float, t
     assert told.yaw_rad == pytest.approx(yaw_rad - turn_rad, abs=1e-9)
     across_m = edge.distance_m * math.cos(yaw_rad)  # of the edge from the camera, square to it
     assert told.distance_m == pytest.approx(across_m / math.cos(yaw_rad - turn_rad), abs=1e-9)
+
+
+def test_where_an_edge_lies_does_not_rest_on_how_far_the_wearer_has_come() -> None:
+    """Met at 35° its yaw scatters by 3° from frame to frame: as little at 50 m from where the walk began as at 0."""
+    yaw_rad, told = math.radians(35.0), []
+    for come_m in (0.0, 50.0):
+        memory, chance = EdgeMemory(), np.random.default_rng(1)
+        memory.update(0, np.zeros(2), 0.0, [], [])
+        memory.update(FRAME_NS, np.array([2.0 * come_m / 0.05, 0.0]), 0.0, [], [])
+        for k in range(2, 32):
+            seen = replace(
+                RISER,
+                yaw_rad=yaw_rad + float(chance.normal(0.0, math.radians(3.0))),
+                yaw_sd_rad=math.radians(3.0),
+            )
+            told.append(memory.update(k * FRAME_NS, np.zeros(2), 0.0, [seen], []))
+    assert all(abs(edge.distance_m - RISER.distance_m) < 1e-9 for frame in told for edge in frame)
+
+
+def test_an_edge_that_may_be_turned_is_the_less_sure_the_farther_along_it_the_path_comes() -> None:
+    memory = EdgeMemory()
+    oblique = replace(RISER, yaw_rad=0.6, yaw_sd_rad=0.1)
+    before = walked(memory, 4, oblique, speed_mps=0.0)[0].distance_sd_m
+    told: list[Edge] = []
+    for k in range(4, 14):
+        told = memory.update(k * FRAME_NS, np.array([0.0, 1.0 if k < 13 else 0.0]), 0.0, [], [])
+    aside_m = 0.45  # of the trapezia from rest to rest
+    (edge,) = told
+    assert edge.distance_m == pytest.approx(1.2 - aside_m * math.tan(0.6), abs=1e-9)
+    turned_m = aside_m * 0.05 / math.cos(0.6) ** 2  # four frames of 0.1 rad
+    assert edge.distance_sd_m == pytest.approx(math.hypot(before, turned_m), rel=0.15)
