@@ -67,7 +67,7 @@ class PathAhead:
         if surface is None:
             return 0.0
         beyond_m = max(surface.to_m - u_m, _LEAST_BEYOND_M)
-        return _HIDDEN_BEND / (beyond_m * math.sqrt(beyond_m))
+        return _HIDDEN_BEND * surface.far_bins_sd_m / (beyond_m * math.sqrt(beyond_m))
 
     def _bends(self) -> list[tuple[float, float]]:
         """Return where along u the slope changes, and by how much."""
@@ -131,9 +131,10 @@ MOST_TURNED = 0.47
 """tan 25°: so far an edge or a bend is taken to be turned that nothing tells of."""
 _NEARLY_M = 0.06
 _BEND = 0.035
-_HIDDEN_BEND, _LEAST_BEYOND_M = 0.016, 0.25
+_HIDDEN_BEND, _LEAST_BEYOND_M = 2.7, 0.25
 """A piece of a length L that slopes by β more leaves β² L³ / (3 b σ²) on the line before it, over bins b, and about a
-tenth of it on one line through both. Two surfaces cost `_PENALTY` more: hence β L^1.5, for σ = 6 mm, 1.5 m away."""
+tenth of it on one line through both. Two surfaces cost `_PENALTY` more: hence β L^1.5 / σ. Where the texture is poor σ
+is not what one bin states, but what the few that match tell of the whole length."""
 _BESIDE_END_M = 0.05
 _HALF_WIDTH_M = PathSettings.half_width_m
 """Of the profile, which shows a surface as far as any part of it reaches."""

@@ -22,7 +22,8 @@ from perception.terrain.profile import BIN_M, BINS, FIRST_M, Profile
 class Surface:
     """A straight piece of the path from `from_m` to `to_m` along u: z = `height_m` + `slope` (u − `middle_m`).
 
-    `height_sd_m` and `slope_sd` are uncorrelated.
+    `height_sd_m` and `slope_sd` are uncorrelated. `far_bins_sd_m` is how far each bin of its last half metre is off,
+    one σ, as if all were shown and equally sure.
     """
 
     from_m: float
@@ -32,6 +33,7 @@ class Surface:
     slope: float
     height_sd_m: float
     slope_sd: float
+    far_bins_sd_m: float = 0.006
 
     def at(self, u_m: float) -> float:
         """Return z at `u_m`, also beyond the ends."""
@@ -109,14 +111,17 @@ class _Fits:
         middle_m, slope, height_m = (float(each[i, j]) for each in (self._u_mean, self._slope, self._z_mean))
         # neighbouring bins err alike: the matcher's offset changes over several of them
         alike = min(len(bins), _BINS_ALIKE)
+        end = int(bins[-1]) + 1
+        far = max(i, end - _FAR_BINS)
         return Surface(
             from_m=FIRST_M + float(bins[0]) * BIN_M,
-            to_m=FIRST_M + float(bins[-1] + 1) * BIN_M,
+            to_m=FIRST_M + end * BIN_M,
             middle_m=middle_m,
             height_m=height_m,
             slope=slope,
             height_sd_m=float(np.sqrt(alike / self._w[i, j])),
             slope_sd=float(np.sqrt(alike / self._uu[i, j])),
+            far_bins_sd_m=float(np.sqrt((end - far) / self._w[far, end])),
         )
 
 
@@ -127,5 +132,6 @@ _LEFT_OUT = 12.0
 _LEAST_BINS = 4
 _LEAST_EVEN = 3
 _BINS_ALIKE = 4
+_FAR_BINS = 25
 _SLOPE_SIGMA = 0.05
 _TINY = 1e-9
