@@ -11,6 +11,10 @@ match, so no more is told than the share of one of as many equal steps as fit in
 flights slivers of treads are seen first, too narrow for surfaces: points between the lip and the next surface, below
 the one and above the other, that begin where (1) has them. What falls on from there may be the line over nosings.
 
+Of smooth ground the last rows before a lip match in one frame and not in the next, and what is seen of it ends up to
+5 cm too near. It may reach as far as the ray to what is seen first behind it passes, at u_s h / h' by (1): from there
+to where it was seen to end, a lip that may be anywhere has a standard deviation of the twelfth part's root.
+
 Of what is seen too little may be left to tell its slope β, by which the rise at the edge is extrapolated over what is
 hidden. Treads and kerbs lie about as the ground before them does, at β_0; with the variances of both and of how they
 differ,
@@ -157,9 +161,11 @@ def _falling(before: Surface, after: Surface, points: PathPoints, yaw_rad: float
     between_rows_m = 0.5 * float(np.median(points.along_m[upper]))
     line = replace(line, distance_sd_m=float(np.hypot(line.distance_sd_m, between_rows_m)))
     lip_m, height_m = line.distance_m, -before.at(line.distance_m)
-    edge = _between(before, after, line, lip_m)
     sliver = _sliver(before, after, points, u_m, lip_m * (1.0 + _DOUBTFUL))
     from_m, z_m = sliver or (after.from_m, after.at(after.from_m))
+    unmatched_m = max(from_m * height_m / -z_m - lip_m, 0.0)  # (1)
+    line = replace(line, distance_sd_m=float(np.hypot(line.distance_sd_m, unmatched_m / np.sqrt(12.0))))
+    edge = _between(before, after, line, lip_m)
     if from_m > lip_m * -z_m / height_m + _FROM_SHADOW_M:  # (1)
         return None
     hidden_m = from_m - lip_m

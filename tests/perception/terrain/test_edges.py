@@ -264,3 +264,15 @@ def test_whatever_is_seen_gives_finite_surfaces_and_edges(
         assert np.isfinite((edge.distance_m, edge.rise_m, edge.yaw_rad)).all()
         assert min(edge.distance_sd_m, edge.rise_sd_m, edge.yaw_sd_rad) > 0.0
         assert edge.rise_m < 0.0 or not edge.bound_only
+
+
+def test_a_lip_whose_last_rows_did_not_match_is_unsure_by_what_may_be_there() -> None:
+    """What lies behind it is seen where the true lip's shadow ends, whatever of the upper tread matched."""
+    lip_m, unmatched_m = 0.8, 0.05
+    whole = points_seen([(-1.0, 0.0, lip_m, 0.0), (lip_m, -0.18, 4.0, -0.18)], noise_px=0.02)
+    matched = whole.where((whole.x_m < lip_m - unmatched_m) | (whole.z_m < -1.04))
+    (sure,), (unsure,) = (found(points)[1] for points in (whole, matched))
+    assert abs(sure.distance_m - lip_m) < 0.01
+    assert sure.distance_sd_m < 0.01
+    assert unsure.distance_m == pytest.approx(lip_m - unmatched_m, abs=0.01)
+    assert unsure.distance_sd_m == pytest.approx(unmatched_m / math.sqrt(12.0), rel=0.3)
