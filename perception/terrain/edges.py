@@ -11,9 +11,9 @@ match, so no more is told than the share of one of as many equal steps as fit in
 flights slivers of treads are seen first, too narrow for surfaces: points between the lip and the next surface, below
 the one and above the other, that begin where (1) has them. What falls on from there may be the line over nosings.
 
-Of smooth ground the last rows before a lip match in one frame and not in the next, and what is seen of it ends up to
-5 cm too near. It may reach as far as the ray to what is seen first behind it passes, at u_s h / h' by (1): from there
-to where it was seen to end, a lip that may be anywhere has a standard deviation of the twelfth part's root.
+Of smooth ground the last rows before a lip match in one frame and not in the next, and it is then seen to end up to
+5 cm too near. How far it may reach tells the ray to what is seen first behind it, which passes over the lip: by (1) to
+u_s h / h'. A lip that may be anywhere in a gap g has the standard deviation g / √12.
 
 Of what is seen too little may be left to tell its slope β, by which the rise at the edge is extrapolated over what is
 hidden. Treads and kerbs lie about as the ground before them does, at β_0; with the variances of both and of how they

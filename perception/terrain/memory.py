@@ -6,8 +6,9 @@ camera at p with its heading ψ, u = (cos ψ, sin ψ), a distance d along x of H
 
     q = p + d u,      φ = ψ + ε.                                                                                (1)
 
-The offset e of q along n and φ have one Kalman filter, whose covariance is P, the rise has its own. An error δ of φ
-turns the line about q, the place that was seen: where the path crosses it τ farther along, by then, its offset is
+The offset e of q along n and φ have one Kalman filter, of covariance P; the rise has its own. The line turns about the
+place q where it was seen, not about where the walk began: by an error δ of φ it lies, where the path crosses it now, τ
+farther along t, at the offset
 
     e' = e − τ δ,      τ = t · (p + d u − q),      d = n · (q − p) / n · u.                                     (2)
 
@@ -270,6 +271,7 @@ def _reaching(surfaces: Sequence[Surface], u_m: float) -> Surface | None:
 _POSITION_M_PER_SQRT_S = 0.008
 _YAW_RAD_PER_SQRT_S = 0.01
 _WANDERS = np.diag([_POSITION_M_PER_SQRT_S**2, _YAW_RAD_PER_SQRT_S**2])
+"""What P grows by in a second."""
 _RISE_M_PER_SQRT_S = 0.01
 _DISTANCE_COMMON_M = 0.006
 _RISE_COMMON_M = 0.002
