@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Iterator
 
 from daemon.config import parse_configuration
 from daemon.health import HealthMonitor
+from daemon.silence import Silence
 from impedance.modulation.modulator import Modulator
 from messages import (
-    TOPICS,
     AnkleState,
     Attitude,
     Estimate,
@@ -54,19 +54,8 @@ from perception.terrain.surfaces import PathSurfaces
 LONGEST_WAIT_NS = 20_000_000
 """How long after its arrival a frame waits for an IMU sample later than its exposure, told by ticks."""
 
-SILENCE_NS = 120_000_000
-"""When no frame has arrived for this long, an invalid estimate says so every `FRAME_PERIOD_NS`."""
-
 OTHER_CAMERA_NS = 1_000_000_000
 """When no frame has arrived for this long, the next may be another camera's, with timing of its own."""
-
-FRAME_PERIOD_NS = TOPICS["frame"].period_ns
-
-IMU_SILENCE_NS = 25_000_000
-"""When no IMU sample has arrived for this long, attitude and ground are invalid at once, not with the next frame."""
-
-START_NS = 5_000_000_000
-"""A camera may take this long to deliver its first frame before its silence is called a fault."""
 
 NO_FRAME_SEQ = -1
 
@@ -116,12 +105,8 @@ class Pipeline:
         self._pictures_are_wrong = False  # as far as the ground of the frame before knows
         self._pictures_are_late = False  # as far as the motion of the frame before knows
         self._waiting: Frame | None = None
-        self._imu_arrival_ns: int | None = None
         self._newest_sample_ns: int | None = None
-        self._imu_silent = False
-        self._frame_arrival_ns = 0
-        self._report_silence_at_ns: int | None = None
-        self._camera_due_ns: int | None = None
+        self._silence = Silence()
 
     @property
     def learnt(self) -> Learnt:
@@ -184,9 +169,8 @@ class Pipeline:
         if not (self._sample_guard.check(sample) and self._attitude.accepts(sample)):
             self._health.count_refused_sample()
             return
-        self._imu_arrival_ns = max(sample.t_arrival_ns, self._imu_arrival_ns or 0)
+        self._silence.sample_arrived(sample.t_arrival_ns)
         self._newest_sample_ns = sample.t_sample_ns
-        self._imu_silent = False
         self._motion.add_sample(sample)
         attitude = self._attitude.add_sample(sample)
         if self._attitude.contradiction is Reason.IMU_INCONSISTENT and not self._pictures_are_late:
@@ -199,8 +183,7 @@ class Pipeline:
     def _on_frame(self, frame: Frame) -> Iterator[Estimate]:
         if self._waiting is not None:
             yield from self._estimate_ground(self._waiting)
-        self._frame_arrival_ns = frame.header.t_arrival_ns
-        self._report_silence_at_ns = self._camera_due_ns = self._frame_arrival_ns + SILENCE_NS
+        self._silence.frame_arrived(frame.header.t_arrival_ns)
         refusal = self._frame_guard.check(frame.header, frame.images)
         if refusal is not Reason.NONE:
             yield from self._nothing(frame.header.t_exposure_ns, frame.header.seq, refusal)
@@ -212,27 +195,19 @@ class Pipeline:
     def _on_tick(self, t_ns: int) -> Iterator[Estimate]:
         if self._waiting is not None and t_ns - self._waiting.header.t_arrival_ns > LONGEST_WAIT_NS:
             yield from self._estimate_ground(self._waiting)
-        yield from self._report_camera_silence(t_ns)
-        yield from self._report_imu_silence(t_ns)
+        yield from self._report_silence(t_ns)
         yield from self._health.due(t_ns, self._load, self._ground.height_difference)
 
-    def _report_camera_silence(self, t_ns: int) -> Iterator[Estimate]:
-        if self._report_silence_at_ns is None or self._camera_due_ns is None:
-            self._report_silence_at_ns, self._camera_due_ns = t_ns + SILENCE_NS, t_ns + START_NS
-        if t_ns >= self._report_silence_at_ns:
-            self._report_silence_at_ns += FRAME_PERIOD_NS * (1 + (t_ns - self._report_silence_at_ns) // FRAME_PERIOD_NS)
-            if t_ns - self._frame_arrival_ns > OTHER_CAMERA_NS:
+    def _report_silence(self, t_ns: int) -> Iterator[Estimate]:
+        no_frame = self._silence.of_camera(t_ns)
+        if no_frame is not Reason.NONE:
+            if self._silence.since_frame_ns(t_ns) > OTHER_CAMERA_NS:
                 self._frame_guard.reset_timing()
-            reason = Reason.STARTING if t_ns < self._camera_due_ns else Reason.NO_FRAME
-            yield from self._nothing(t_ns, NO_FRAME_SEQ, reason)
-
-    def _report_imu_silence(self, t_ns: int) -> Iterator[Estimate]:
-        if self._imu_silent or self._imu_arrival_ns is None or t_ns - self._imu_arrival_ns <= IMU_SILENCE_NS:
-            return
-        self._imu_silent = True
-        yield self._attitude.invalid_at(t_ns)
-        yield self._propagation.no_ground(t_ns, Reason.NO_IMU)
-        yield from self._nothing(t_ns, NO_FRAME_SEQ, Reason.NO_IMU)
+            yield from self._nothing(t_ns, NO_FRAME_SEQ, no_frame)
+        if self._silence.imu_falls_silent(t_ns):
+            yield self._attitude.invalid_at(t_ns)
+            yield self._propagation.no_ground(t_ns, Reason.NO_IMU)
+            yield from self._nothing(t_ns, NO_FRAME_SEQ, Reason.NO_IMU)
 
     def _imu_reaches(self, frame: Frame) -> bool:
         return self._newest_sample_ns is not None and self._newest_sample_ns > frame.header.t_exposure_ns
@@ -304,7 +279,7 @@ class Pipeline:
         contradiction = self._contradiction
         if contradiction is not Reason.NONE:
             return contradiction
-        attitude = None if self._imu_silent else self._attitude.at(header.t_exposure_ns)
+        attitude = None if self._silence.imu_is_silent else self._attitude.at(header.t_exposure_ns)
         if attitude is None:
             reason = self._attitude.reason
             return Reason.NO_IMU if reason is Reason.NONE else reason
