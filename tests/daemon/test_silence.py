@@ -1,5 +1,7 @@
 """What ticks tell of a silent IMU or camera, and how often."""
 
+from itertools import pairwise
+
 from daemon.silence import CAMERA_SILENCE_NS, CAMERA_START_NS, FRAME_PERIOD_NS, IMU_SILENCE_NS, Silence
 from messages import Reason
 
@@ -30,7 +32,7 @@ def test_a_camera_is_starting_and_then_silent_at_the_pace_of_frames() -> None:
     told = [(t, silence.of_camera(t)) for t in range(0, 7000 * MS, 10 * MS)]
     said = [(t, reason) for t, reason in told if reason is not Reason.NONE]
     assert said[0] == (CAMERA_SILENCE_NS, Reason.STARTING)
-    assert {later - earlier for (earlier, _), (later, _) in zip(said, said[1:], strict=False)} == {FRAME_PERIOD_NS}
+    assert {later - earlier for (earlier, _), (later, _) in pairwise(said)} == {FRAME_PERIOD_NS}
     assert [reason for t, reason in said if t < CAMERA_START_NS] == [Reason.STARTING] * 98
     assert {reason for t, reason in said if t >= CAMERA_START_NS} == {Reason.NO_FRAME}
 
