@@ -133,8 +133,8 @@ class Pipeline:
         self._terrain.beside = beside
 
     def let_first(self, come_meanwhile: Callable[[], Iterable[ImuSample | Tick]]) -> None:
-        """Take the samples and ticks that `come_meanwhile` gives, the next inputs of all, before the terrain of a frame
-        whose ground has been told; the estimates are the same, and what they say is known sooner."""
+        """Before the terrain of a frame whose ground has been told, take what `come_meanwhile` returns: the samples and
+        ticks that arrived next after the frame. The estimates of each topic are the same, some are known sooner."""
         self._come_meanwhile = come_meanwhile
 
     def step(self, message: Input) -> Iterator[Estimate]:
@@ -257,7 +257,7 @@ class Pipeline:
             self._motion.finish_frame()
 
     def _estimates_meanwhile(self) -> Iterator[Estimate]:
-        """Take what may go first. Nothing after this in a frame depends on it, so that a recording, where it comes
+        """Take what has come meanwhile. Nothing that follows in a frame depends on it: a recording, in which it stands
         after the frame, gives the same."""
         for message in self._come_meanwhile():
             self._health.count_input(message)

@@ -12,8 +12,8 @@ flights slivers of treads are seen first, too narrow for surfaces: points betwee
 the one and above the other, that begin where (1) has them. What falls on from there may be the line over nosings.
 
 Of smooth ground the last rows before a lip match in one frame and not in the next, and it is then seen to end up to
-5 cm too near. How far it may reach tells the ray to what is seen first behind it, which passes over the lip: by (1) to
-u_s h / h'. A lip that may be anywhere in a gap g has the standard deviation g / √12.
+5 cm too near. The ray to what is seen first behind the lip passes over it, and so tells how far the ground may reach:
+by (1) to u_s h / h'. A lip that may be anywhere in a gap g has the standard deviation g / √12.
 
 Of what is seen too little may be left to tell its slope β, by which the rise at the edge is extrapolated over what is
 hidden. Treads and kerbs lie about as the ground before them does, at β_0; with the variances of both and of how they
