@@ -1,17 +1,14 @@
 """The pipeline: waiting for the IMU, saying silence, refusing bad samples, the same bytes for the same inputs."""
 
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import dropwhile, pairwise
 
 import msgspec
-import numpy as np
 import pytest
 
 from daemon.pipeline import NO_FRAME_SEQ, Pipeline
 from messages import (
-    TOPIC_OF,
     TOPICS,
     Attitude,
     DropCause,
@@ -32,7 +29,6 @@ from messages import (
     Tick,
     capture_ns,
 )
-from messages.codec import encode_line
 from perception.attitude.track import AttitudeTrack
 from perception.frame_guard import FrameGuard
 from perception.ground.foothold import FootholdSettings
@@ -40,6 +36,7 @@ from perception.motion.watch import MotionWatch
 from perception.terrain.path_matching import Work
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
+from tests.daemon.told import lines, run
 
 START_NS = 10_000_000_000
 
@@ -62,10 +59,6 @@ def undisturbed(wearer: SimulatedWearer, inputs: list[Input]) -> list[Estimate]:
 
 def pipeline(wearer: SimulatedWearer) -> Pipeline:
     return Pipeline(wearer.calibration, FootholdSettings())
-
-
-def run(pipe: Pipeline, inputs: list[Input]) -> list[Estimate]:
-    return [estimate for message in inputs for estimate in pipe.step(message)]
 
 
 def covered(message: Input, from_ns: int, until_ns: int = 2**62) -> Input:
@@ -202,10 +195,6 @@ def test_before_the_start_there_is_a_status_and_no_number(undisturbed: list[Esti
     assert last.height_m == pytest.approx(0.95, abs=0.05)
 
 
-def lines(estimates: list[Estimate]) -> list[bytes]:
-    return [encode_line(TOPIC_OF[type(estimate)], estimate) for estimate in estimates]
-
-
 def test_the_same_inputs_give_the_same_bytes(
     wearer: SimulatedWearer, inputs: list[Input], undisturbed: list[Estimate]
 ) -> None:
@@ -239,80 +228,6 @@ def test_the_bytes_are_the_same_where_another_thread_matches_the_path(
         pipe.match_path_beside(beside)
         assert lines(run(pipe, inputs)) == lines(undisturbed)
     assert sum(done) > 20
-
-
-def told_in_any_order(pipe: Pipeline, inputs: Iterable[Input], rng: np.random.Generator) -> tuple[list[Estimate], int]:
-    """Return what is told where some of the samples and ticks have come before a frame is done with, and how many."""
-    waiting, first = deque(inputs), 0
-
-    def come_meanwhile() -> Iterator[ImuSample | Tick]:
-        nonlocal first
-        for _ in range(int(rng.integers(12))):
-            oldest = waiting[0] if waiting else None
-            if not isinstance(oldest, ImuSample | Tick):
-                return
-            waiting.popleft()
-            first += 1
-            yield oldest
-
-    pipe.let_first(come_meanwhile)
-    told: list[Estimate] = []
-    while waiting:
-        told += pipe.step(waiting.popleft())
-    return told, first
-
-
-def gyro_turned_over(message: Input) -> Input:
-    if not isinstance(message, ImuSample) or message.t_sample_ns < START_NS + 4_000_000_000:
-        return message
-    x, y, z = message.w_WB_B_radps
-    return msgspec.structs.replace(message, w_WB_B_radps=(-x, y, z))
-
-
-def by_topic(estimates: list[Estimate]) -> dict[str, list[bytes]]:
-    return {
-        topic: [encode_line(TOPIC_OF[type(each)], each) for each in estimates if TOPIC_OF[type(each)].name == topic]
-        for topic in {TOPIC_OF[type(each)].name for each in estimates}
-    }
-
-
-def test_samples_and_ticks_that_go_before_the_terrain_change_no_estimate(
-    wearer: SimulatedWearer, inputs: list[Input], undisturbed: list[Estimate]
-) -> None:
-    told, first = told_in_any_order(pipeline(wearer), inputs, np.random.default_rng(5))
-    assert first > 100
-    assert lines(told) != lines(undisturbed)
-    assert by_topic(told) == by_topic(undisturbed)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("fault", [None, gyro_turned_over])
-def test_nor_on_a_walk_whose_gyroscope_turns_over(fault: Callable[[Input], Input] | None) -> None:
-    walker = SimulatedWearer(4, scenario("mixed"), START_NS, rolling_shutter=True)
-    inputs = [message if fault is None else fault(message) for message in walker.offline_inputs(7.0)]
-    in_turn, any_order = pipeline(walker), pipeline(walker)
-    expected = run(in_turn, inputs)
-    told, first = told_in_any_order(any_order, inputs, np.random.default_rng(6))
-    assert first > 300
-    assert by_topic(told) == by_topic(expected)
-    assert any_order.learnt == in_turn.learnt
-
-
-def test_a_silent_chip_is_told_before_the_terrain_of_a_frame(wearer: SimulatedWearer, inputs: list[Input]) -> None:
-    pipe, cut_ns = pipeline(wearer), START_NS + 2_000_000_000
-    told: list[Estimate] = []
-    for message in inputs:
-        if isinstance(message, ImuSample) and message.t_arrival_ns > cut_ns:
-            break
-        told += pipe.step(message)
-    silent = Tick(t_ns=cut_ns + 40_000_000)
-    frame = next(m for m in inputs if isinstance(m, StereoFrame) and m.header.t_arrival_ns > cut_ns)
-    early = msgspec.structs.replace(frame.header, t_exposure_ns=cut_ns - 15_000_000, seq=1000)
-    come = [silent]
-    pipe.let_first(lambda: iter([come.pop()] if come else []))
-    topics = [type(each) for each in pipe.step(StereoFrame(header=early, left=frame.left, right=frame.right))]
-    assert topics.index(Attitude) < topics.index(Terrain)
-    assert run(pipe, [silent]) == []
 
 
 def without_imu_after(inputs: list[Input], t_ns: int) -> Iterator[Input]:
