@@ -9,10 +9,9 @@ import pytest
 
 from daemon.pipeline import Pipeline
 from messages import Attitude, Estimate, ImuSample, Input, StereoFrame, Terrain, Tick
-from perception.ground.foothold import FootholdSettings
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
-from tests.daemon.told import by_topic, lines, run
+from tests.daemon.told import by_topic, lines, pipeline, run
 
 START_NS = 10_000_000_000
 
@@ -25,10 +24,6 @@ def wearer() -> SimulatedWearer:
 @pytest.fixture(scope="module")
 def inputs(wearer: SimulatedWearer) -> list[Input]:
     return list(wearer.offline_inputs(2.4))
-
-
-def pipeline(wearer: SimulatedWearer) -> Pipeline:
-    return Pipeline(wearer.calibration, FootholdSettings())
 
 
 def told_in_any_order(pipe: Pipeline, inputs: Iterable[Input], rng: np.random.Generator) -> tuple[list[Estimate], int]:

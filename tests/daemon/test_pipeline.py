@@ -36,7 +36,7 @@ from perception.motion.watch import MotionWatch
 from perception.terrain.path_matching import Work
 from sim_rig.walk.scenario import scenario
 from sim_rig.wearer import SimulatedWearer
-from tests.daemon.told import lines, run
+from tests.daemon.told import lines, pipeline, run
 
 START_NS = 10_000_000_000
 
@@ -55,10 +55,6 @@ def inputs(wearer: SimulatedWearer) -> list[Input]:
 def undisturbed(wearer: SimulatedWearer, inputs: list[Input]) -> list[Estimate]:
     """What the pipeline tells of the inputs as they are."""
     return run(pipeline(wearer), inputs)
-
-
-def pipeline(wearer: SimulatedWearer) -> Pipeline:
-    return Pipeline(wearer.calibration, FootholdSettings())
 
 
 def covered(message: Input, from_ns: int, until_ns: int = 2**62) -> Input:

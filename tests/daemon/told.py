@@ -5,6 +5,13 @@ from collections.abc import Iterable
 from daemon.pipeline import Pipeline
 from messages import TOPIC_OF, Estimate, Input
 from messages.codec import encode_line
+from perception.ground.foothold import FootholdSettings
+from sim_rig.wearer import SimulatedWearer
+
+
+def pipeline(wearer: SimulatedWearer) -> Pipeline:
+    """Return a new pipeline with the wearer's calibration and the usual foothold."""
+    return Pipeline(wearer.calibration, FootholdSettings())
 
 
 def run(pipe: Pipeline, inputs: Iterable[Input]) -> list[Estimate]:
