@@ -107,7 +107,8 @@ def _cells(points: PathPoints, profile: Profile, surfaces: Sequence[Surface], ya
         all_mean_m, all_at_m = (
             np.bincount(cell, each, rows * _COLUMNS) / np.maximum(count, 1) for each in (off_m[on], seen.y_m[on])
         )
-        mean_m[told] = _less_slope(all_mean_m[told], all_at_m[told])
+        if told.any():
+            mean_m[told] = _less_slope(all_mean_m[told], all_at_m[told])
         off_mean_m = (off_m[on] - all_mean_m[cell]) * np.sqrt(count / np.maximum(count - 1, 1))[cell]
         within.append(off_mean_m[told[cell]])
     return _Cells(way_m, first_row, mean_m.reshape(rows, _COLUMNS), np.concatenate(within))
@@ -116,13 +117,14 @@ def _cells(points: PathPoints, profile: Profile, surfaces: Sequence[Surface], ya
 def _less_slope(mean_m: FloatArray, at_m: FloatArray) -> FloatArray:
     """Return `mean_m` (n,) less their slope along `at_m` (n,).
 
-    What is farther off than `_NEAR_M` is no bump of this ground but a chance match, or something else.
+    What is farther off than others are is no bump of this ground but a riser, a chance match, or something else.
     """
-    slope = 0.0
-    for _ in range(3):
-        near = np.abs(mean_m - slope * at_m) < _NEAR_M
+    off_m = mean_m
+    for _ in range(_TRIES):
+        near = np.abs(off_m) <= _OFF_SIGMAS * _deviation(off_m)
         slope = float(mean_m[near] @ at_m[near]) / max(float(at_m[near] @ at_m[near]), _TINY)
-    return mean_m - slope * at_m
+        off_m = mean_m - slope * at_m
+    return off_m
 
 
 def _common_m2(one: _Cells, other: _Cells) -> float:
@@ -159,6 +161,7 @@ _NOISE_OF_CELL = 0.65
 _COMPARED, _MOVED_M = 2, 0.025
 """With so many frames before each is compared, those from which the camera has moved so far."""
 _NEAR_M = 0.08
+_TRIES, _OFF_SIGMAS = 5, 2.5
 _TINY = 1e-9
 _FRAMES = 9
 _LASTS_FRAMES = 20

@@ -44,6 +44,12 @@ def test_stairs_are_none() -> None:
     assert added(Roughness(), points_seen(flight(0.6, 0.15, 0.3, 3), yaw_rad=0.2), 0.2) < 0.5 * ROUGH_M
 
 
+def test_a_riser_that_crosses_the_path_askew_does_not_tilt_the_floor_before_it() -> None:
+    """Its middle stands over the floor on one side of the path and under what the profile says there on the other."""
+    below = points_seen(flight(1.0, 0.19, 0.3, 3), yaw_rad=math.radians(8.0))
+    assert added(Roughness(), below) < 0.5 * ROUGH_M
+
+
 @pytest.mark.parametrize("noise_px", [0.05, 0.1, 0.15])
 def test_the_matchers_noise_on_ground_far_below_is_none(noise_px: float) -> None:
     """From a landing one looks down on the next: its distance makes the noise larger, not the ground rough."""
