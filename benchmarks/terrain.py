@@ -1,6 +1,6 @@
 """The ground ahead against the truth: edges, kinds, footholds and heights, on walks that a seed draws.
 
-    python -m benchmarks.terrain [--estimators service columns plane] [--seeds 1000-1019] [--file F]
+    python -m benchmarks.terrain [--estimators service columns grid plane] [--seeds 1000-1019] [--file F]
 
 Each seed is one walk of `sim_rig.walk.terrain_walks` on a unit with the calibration that it would have: stairs, kerbs,
 steps, ramps, dropped kerbs, rough and plain ground, met square or at an angle, in light and shadow, alone or among
@@ -24,6 +24,7 @@ import msgspec
 import numpy as np
 
 from daemon.pipeline import Pipeline
+from lab.baselines.elevation_grid import GridTerrain
 from lab.baselines.terrain_peers import ColumnMedians, PublishedPlane
 from lab.evaluation.measured.photographs import photographs
 from lab.evaluation.terrain_said import KINDS, Foothold, TerrainEstimator, TerrainSaid
@@ -91,6 +92,7 @@ def _foothold(told: NextFoothold, ground: GroundPlane) -> Foothold | None:
 ESTIMATORS: dict[str, Callable[[Calibration], TerrainEstimator]] = {
     "service": Published,
     "columns": ColumnMedians,
+    "grid": GridTerrain,
     "plane": PublishedPlane,
 }
 

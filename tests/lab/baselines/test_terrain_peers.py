@@ -1,9 +1,14 @@
 """The simple estimators of the ground ahead on profiles made up by hand, and on one walk of the rig."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
+from lab.baselines.elevation_grid import GridTerrain
 from lab.baselines.terrain_peers import ColumnMedians, jumps, kind_of, medians
+from lab.evaluation.terrain_said import TerrainEstimator
+from messages import Calibration
 from messages.arrays import FloatArray
 from sim_rig.walk.legs import Stand
 from sim_rig.walk.scenario import Scenario
@@ -65,11 +70,12 @@ def test_kinds_follow_edges_slope_and_roughness(z: FloatArray, kind: str) -> Non
     assert kind_of(PLACES, z, jumps(PLACES, z)) == kind
 
 
-def test_before_a_kerb_the_rig_and_the_column_of_medians_agree() -> None:
+@pytest.mark.parametrize("peer", [ColumnMedians, GridTerrain])
+def test_before_a_kerb_the_rig_and_its_peers_agree(peer: Callable[[Calibration], TerrainEstimator]) -> None:
     ground = WorldBuilder().level(0.8, "gravel").step(0.14, "kerbstone").level(6.0, "brick").step(-0.14, "kerbstone")
     walk = Scenario("kerb", "", ground.level(2.0, "gravel").build(), (Stand(60.0),), hip_height_m=0.9)
     wearer = SimulatedWearer(5, walk, 10_000_000_000)
-    estimator = ColumnMedians(wearer.calibration)
+    estimator = peer(wearer.calibration)
     said = [terrain for message in wearer.offline_inputs(1.7) for terrain in estimator.step(message)]
     assert said
     true = wearer.terrain(said[-1].t_exposure_ns)
