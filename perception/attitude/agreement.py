@@ -47,14 +47,14 @@ class AgreementSettings:
 
 class Innovation(NamedTuple):
     """What one step of `duration_s` said: the turns (3,), rotation vectors in W, that the camera saw and of which the
-    gyroscope fell short, the squares of the innovations of turn and travel over their likely ones, and whether it led
-    to a cause that may explain what contradicts."""
+    gyroscope fell short, the squares of the innovations of turn and travel over their likely ones, the latter None
+    where it told nothing of the travel, and whether it led to a cause that may explain what contradicts."""
 
     duration_s: float
     seen_rad: FloatArray
     missing_rad: FloatArray
     turn_squares: float
-    travel_squares: float
+    travel_squares: float | None
     explained: bool = False
 
     @property
@@ -62,12 +62,17 @@ class Innovation(NamedTuple):
         """Return how fast the camera turned."""
         return float(np.linalg.norm(self.seen_rad)) / self.duration_s
 
+    @property
+    def squares(self) -> float:
+        """Return the larger of its squares."""
+        return self.turn_squares if self.travel_squares is None else max(self.turn_squares, self.travel_squares)
+
     def turn_alone(self, doubtful_radps: float) -> "Innovation":
-        """Return what is left where distances are wrong, and turns by a rate of `doubtful_radps`: the travel does not
-        count, and of turns only what is more than that."""
+        """Return what is left where distances are wrong, and turns by a rate of `doubtful_radps`: of turns only what is
+        more than that, and nothing of the travel."""
         missing = float(np.linalg.norm(self.missing_rad))
         more = max(0.0, 1.0 - doubtful_radps * self.duration_s / missing) if missing > 0.0 else 0.0
-        return self._replace(missing_rad=more * self.missing_rad, travel_squares=0.0, explained=False)
+        return self._replace(missing_rad=more * self.missing_rad, travel_squares=None, explained=False)
 
 
 class Advice(enum.Enum):
@@ -101,7 +106,9 @@ class Agreement:
         self._missing_rad = faded * self._missing_rad + step.missing_rad
         self._seen_rad = faded * self._seen_rad + step.seen_rad
         self._turn_squares += gain * (min(step.turn_squares, settings.most_counted_squares) - self._turn_squares)
-        self._travel_squares += gain * (min(step.travel_squares, settings.most_counted_squares) - self._travel_squares)
+        if step.travel_squares is not None:
+            counted = min(step.travel_squares, settings.most_counted_squares)
+            self._travel_squares += gain * (counted - self._travel_squares)
         most_rad = settings.most_rad + settings.share * float(np.linalg.norm(self._seen_rad))
         far = float(np.linalg.norm(self._missing_rad)) > most_rad or self._turn_squares > settings.most_squares
         self._turn_is_off = self._turn_is_off or far
@@ -141,7 +148,7 @@ class Agreement:
         self._settling_radps = max(self._settling_radps, step.seen_radps)
         if not self._is_usual(step) or float(np.linalg.norm(self._settling_rad)) > settings.settled_rad:
             self.interrupt()
-        if max(step.turn_squares, step.travel_squares) > settings.usual_squares:
+        if step.squares > settings.usual_squares:
             still = step.seen_radps < settings.still_radps
             self._still_share += step.duration_s / settings.average_s * (still - self._still_share)
         long_enough = self._settled_s >= settings.settled_s * (0.5 if self._explained else 1.0)
@@ -163,9 +170,12 @@ class Agreement:
         return Advice.DISCARD if self._turn_is_off else Advice.DISCARD_ALL_BUT_TURNS
 
     def _is_usual(self, step: Innovation) -> bool:
-        """Return whether the innovations are usual; those of the travel tell nothing where the turn is off."""
+        """Return whether the innovations are usual; those of the travel tell nothing where the turn is off, and have to
+        be there where it is not: an accelerometer that contradicts does not agree by the turn alone."""
         usual = max(step.turn_squares, 0.0 if self._explained else self._turn_squares)
         if not self._turn_is_off or self._explained:
+            if step.travel_squares is None:
+                return False
             usual = max(usual, step.travel_squares, 0.0 if self._explained else self._travel_squares)
         return usual <= self.settings.usual_squares
 

@@ -58,7 +58,7 @@ class Confirmation:
             return True
         self._missing_rad = self._missing_rad + step.missing_rad
         gain = min(1.0, step.duration_s / settings.average_s)
-        self._squares += gain * (max(step.turn_squares, step.travel_squares) - self._squares)
+        self._squares += gain * (step.squares - self._squares)
         return self._squares <= settings.usual_squares and float(np.linalg.norm(self._missing_rad)) <= settings.most_rad
 
     @property

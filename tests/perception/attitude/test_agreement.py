@@ -88,6 +88,18 @@ def test_a_travel_that_contradicts_is_tried_afresh_with_the_turns() -> None:
     assert agreement.contradicted
 
 
+@pytest.mark.parametrize(("squares", "agrees"), [((1.0, 40.0), False), ((40.0, 1.0), True)], ids=["travel", "turn"])
+def test_turns_alone_settle_what_the_turn_contradicted_and_not_the_travel(
+    squares: tuple[float, float], agrees: bool
+) -> None:
+    agreement, seen = Agreement(), np.array([0.025, 0.0, 0.0])
+    assert said(agreement, 10, NONE, *squares)
+    for _ in range(100):
+        agreement.add(Innovation(STEP_S, seen, NONE, 1.0, None))
+    assert agreement.contradicted is not agrees
+    assert not said(agreement, 40, NONE)
+
+
 def flip(axis: int, from_ns: int, to_ns: int) -> Alter:
     def alter(arrival: SampleAt | EgoMotion) -> SampleAt | EgoMotion:
         if isinstance(arrival, EgoMotion) or not from_ns <= arrival.t_ns < to_ns:

@@ -21,14 +21,22 @@ COVERED_STEPS = 14
 
 
 def walked(
-    track: AttitudeTrack, seed: int, signs: Vec3 = RIGHT, off_radps: Vec3 = (0.0, 0.0, 0.0)
+    track: AttitudeTrack,
+    seed: int,
+    signs: Vec3 = RIGHT,
+    off_radps: Vec3 = (0.0, 0.0, 0.0),
+    force_signs: Vec3 = RIGHT,
 ) -> Iterator[CameraStep]:
-    """Let `track` walk, and yield the steps from WRONG_NS on; from then on the rates have other `signs` and are off."""
+    """Let `track` walk, and yield the steps from WRONG_NS on; from then on rates and forces have other signs, and rates
+    are off."""
     for seq, each in enumerate(arrivals_until(END_NS, seed)):
         if isinstance(each, SampleAt):
-            wrong_B_radps = np.add(np.multiply(each.w_B_radps, signs), off_radps)
-            rate_B_radps = wrong_B_radps if each.t_ns >= WRONG_NS else each.w_B_radps
-            track.add_sample(measured(replace(each, w_B_radps=vec3(rate_B_radps)), seq))
+            wrong = replace(
+                each,
+                sf_B_mps2=vec3(np.multiply(each.sf_B_mps2, force_signs)),
+                w_B_radps=vec3(np.add(np.multiply(each.w_B_radps, signs), off_radps)),
+            )
+            track.add_sample(measured(wrong if each.t_ns >= WRONG_NS else each, seq))
         elif each.t_after_ns < WRONG_NS:
             track.add_camera_step(camera_step(each))
         else:
@@ -85,3 +93,17 @@ def test_nothing_is_corrected() -> None:
         pass
     vertical = judging.newest.R_WB[2] @ unseeing.newest.R_WB[2]
     assert np.degrees(np.arccos(min(1.0, vertical))) < 0.02
+
+
+@pytest.mark.parametrize("force_signs", [(-1.0, 1.0, 1.0), (1.0, 1.0, -1.0)], ids=["x", "z"])
+def test_an_accelerometer_that_has_contradicted_does_not_agree_by_turns_alone(force_signs: Vec3) -> None:
+    track, contradicted = AttitudeTrack(CALIBRATION), list[bool]()
+    for step in walked(track, 5, force_signs=force_signs):
+        if any(contradicted):
+            track.check_turn(step)
+        else:
+            track.add_camera_step(step)
+        contradicted.append(track.contradiction is Reason.IMU_INCONSISTENT)
+    since = contradicted.index(True)
+    assert len(contradicted) > since + 15
+    assert all(contradicted[since:])
