@@ -242,7 +242,7 @@ class Pipeline:
         yield self._motion_of(frame.header, placed)
         if follows:
             self._motion.judge_clock()
-        self._pictures_are_late = self._motion.reason is Reason.TIME_INCONSISTENT
+        self._judge_lateness()
         if self._contradiction is Reason.NONE and self._attitude.is_confirmed:
             self._attitude.checkpoint()
         if tells_terrain:
@@ -255,6 +255,14 @@ class Pipeline:
         yield from self._estimates_meanwhile()
         if follows:
             self._motion.finish_frame()
+
+    def _judge_lateness(self) -> None:
+        """Where it turns out that pictures have been late, discard what their steps have made of the attitude while
+        they contradicted it."""
+        late = self._motion.reason is Reason.TIME_INCONSISTENT
+        if late and not self._pictures_are_late and self._attitude.contradiction is Reason.IMU_INCONSISTENT:
+            self._attitude.roll_back(gyro_agrees=True)
+        self._pictures_are_late = late
 
     def _estimates_meanwhile(self) -> Iterator[Estimate]:
         """Take what has come meanwhile. Nothing that follows in a frame depends on it: a recording, in which it stands

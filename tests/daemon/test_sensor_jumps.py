@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lab.faults.criteria import errors_of, tilt_error_rad
+from lab.faults.criteria import errors_of, is_wrong_attitude, tilt_error_rad
 from messages import Attitude, Status
 from sim_rig.wearer import SimulatedWearer
 from tests.daemon.struck_walks import told_since
@@ -35,3 +35,13 @@ def test_eyes_whose_distances_are_wrong_still_contradict_a_gyroscope(name: str, 
     _, attitudes, _ = told_since(name, seed, 6.5)
     valid_ns = [each.t_sample_ns for each in attitudes if each.status is Status.VALID]
     assert max(valid_ns) - attitudes[0].t_sample_ns < 300_000_000
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "seed"), [("accel-flipped", 102), ("accel-flipped", 103), ("stamps-off-50", 102)])
+def test_what_contradicted_leads_no_attitude_astray_once_pictures_are_known_to_be_wrong(name: str, seed: int) -> None:
+    """Their distances seem wrong beside an accelerometer whose axis turned over; their stamps are, for 50 ms."""
+    _, attitudes, wearer = told_since(name, seed, 10.0)
+    valid = [each for each in attitudes if each.status is Status.VALID]
+    R_WB = wearer.gait.at(np.array([each.t_sample_ns for each in valid], dtype=np.int64)).R_WB
+    assert sum(is_wrong_attitude(each, R) for each, R in zip(valid, R_WB, strict=True)) == 0
