@@ -33,11 +33,18 @@ class Confirmation:
     def __init__(self, settings: ConfirmationSettings | None = None) -> None:
         self.settings = settings or ConfirmationSettings()
         self.accepted_ns: int | None = None
+        self.is_due = False
+        """Whether what was known has been discarded since, because it contradicted the camera."""
         self.begin()
 
     def accept(self, t_after_ns: int) -> None:
         """Take note of a step that ends at `t_after_ns` and has corrected the filter."""
-        self.accepted_ns = t_after_ns
+        self.accepted_ns, self.is_due = t_after_ns, False
+
+    def demand(self) -> None:
+        """Take note that what the IMU has measured was discarded, as it contradicted the camera; before the first step
+        nothing has been confirmed that could be lost."""
+        self.is_due = self.accepted_ns is not None
 
     def is_pending(self, now_ns: int) -> bool:
         """Return whether no step has been accepted for `lost_s`; before the first one nothing has been lost."""

@@ -311,9 +311,12 @@ class AttitudeTrack:
         """Go back to the last checkpoint but one: the newest samples contradict the camera.
 
         It is as if all samples since had been missing; without a checkpoint only the calibration is left. The status is
-        not VALID until the filter has started again. If the gyroscope agrees with the camera, its samples since carry
-        the vertical of that checkpoint to the newest sample.
+        not VALID until the filter has started again and a step has been accepted, for it starts from what the same IMU
+        measures. If the gyroscope agrees with the camera, its samples since carry the vertical of that checkpoint to
+        the newest sample.
         """
+        if not gyro_agrees:
+            self._confirmation.demand()
         self._history.clear()
         self._before_start.clear()
         self._step_end = None
@@ -379,6 +382,8 @@ class AttitudeTrack:
 
     def _message(self, t_sample_ns: int, rotation_cov_W: FloatArray) -> Attitude:
         reason = self._filter.reason
+        if reason is Reason.NONE and self._confirmation.is_due:
+            reason = Reason.UNCONFIRMED
         if reason is not Reason.NONE:
             return self.invalid_at(t_sample_ns, reason)
         return Attitude(

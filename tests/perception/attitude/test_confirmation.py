@@ -114,3 +114,26 @@ def jumped_by(sample: ImuSample) -> ImuSample:
         w_WB_B_radps=vec3(np.add(sample.w_WB_B_radps, JUMP_RADPS)),
         temperature_degC=sample.temperature_degC,
     )
+
+
+def test_a_tilt_found_anew_by_an_imu_that_contradicted_waits_for_the_camera() -> None:
+    """What it has measured was discarded as wrong: what it measures next need be no better."""
+    wearer = SimulatedWearer(66, scenario("level"), START_NS)
+    track = AttitudeTrack(wearer.calibration)
+    waiting = list(told_steps(wearer, END_S, NOISE, 66))
+    discarded, reasons = False, list[tuple[float, Reason]]()
+    for sample in wearer.offline_samples(END_S):
+        since_s = 1e-9 * (sample.t_sample_ns - START_NS)
+        if since_s >= LOST_S and not discarded:
+            track.roll_back()
+            discarded = True
+        reasons.append((since_s, track.add_sample(sample).reason))
+        while waiting and waiting[0].t_told_ns <= sample.t_arrival_ns:
+            told = waiting.pop(0)
+            if not LOST_S <= 1e-9 * (told.step.t_after_ns - START_NS) < BACK_S:
+                track.add_camera_step(told.step)
+                track.checkpoint()
+    alone = {reason for at_s, reason in reasons if LOST_S < at_s < BACK_S}
+    assert Reason.NONE not in alone
+    assert Reason.UNCONFIRMED in alone
+    assert {reason for at_s, reason in reasons if at_s > BACK_S + 2.0} == {Reason.NONE}
